@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use swerve_benches::{Goal, Rows, is_asked_to_measure, print};
-use swerve_study::train::{HeldOut, held_out, lidar_cars};
+use swerve_learn::train::{HeldOut, held_out, lidar_cars};
 
 const VISION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/swerve-vision");
 /// Folder of the images.

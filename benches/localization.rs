@@ -6,7 +6,7 @@ mod street;
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, python};
 use swerve_core::{Span, Time};
@@ -191,13 +191,6 @@ fn longest(turns: &[Turn]) -> usize {
     turns.iter().map(|turn| turn.points.len()).max().unwrap_or(0)
 }
 
-/// Folder of the pair of scans beside the repository, if available.
-fn pair_folder() -> Option<PathBuf> {
-    let folder =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/localization/registration_pair");
-    folder.exists().then_some(folder)
-}
-
 /// Milliseconds of small_gicp in this run, by task; empty if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_small_gicp(folder: &Path) -> BTreeMap<String, f64> {
     named(&python("localization/speed.py", &[folder]))
@@ -219,8 +212,8 @@ fn matched(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Option<(Matched,
 
 fn pair(rows: &mut Rows) {
     let what = "pair of scans, the match";
-    let Some(folder) = pair_folder() else {
-        return rows.skipped(what, "needs ../shared/data/localization/registration_pair");
+    let Some(folder) = swerve_tests::data("localization/registration_pair") else {
+        return rows.skipped(what, "needs localization/registration_pair among the test data");
     };
     let cloud = |name: &str| {
         ply::read(&std::fs::read(folder.join(name)).expect("the folder is there")).expect("a cloud")

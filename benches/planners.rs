@@ -3,7 +3,7 @@
 //! The problem file is beside the repository, not in it; without it the benchmark prints a note and ends.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Deserialize;
 use swerve::plan::{Posed, read, solve_all};
@@ -76,8 +76,7 @@ struct HybridPeer {
 }
 
 fn problem_file() -> Option<PathBuf> {
-    let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    above.map(|folder| folder.join("shared/data/planner_problems.json")).find(|path| path.exists())
+    swerve_tests::data("planner_problems.json")
 }
 
 fn share(part: usize, whole: usize) -> f64 {
@@ -274,7 +273,7 @@ fn main() -> anyhow::Result<()> {
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "planners");
     match problem_file() {
-        None => rows.skipped("posed problems", "no shared/data/planner_problems.json beside the repository"),
+        None => rows.skipped("posed problems", "no planner_problems.json among the test data"),
         Some(path) => {
             let file = read(&path)?;
             let recorded: Recorded = serde_json::from_str(&std::fs::read_to_string(&path)?)?;

@@ -12,17 +12,17 @@ use swerve_geom::{Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 use swerve_perception::image_plane::{Appearance, ByteTrack, DeepSort, ImageDetection, ImageTracker, Sort};
 use swerve_perception::{Ab3dMot, GroundTracker, Tracker, ab3dmot, tracker};
+use swerve_tests::data_folder;
 use swerve_vision::correlation::{Area, Correlation};
 use swerve_vision::{Plane, Rgb};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 
-/// Folder of the detections, if available: one file per sequence, of frame,left,top,width,height,score.
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/mot15/det");
+/// Folder of the detections among the test data: one file per sequence, of frame,left,top,width,height,score.
+const FOLDER: &str = "mot15/det";
 
-/// Frames in which dlib tracks a target.
-const VIDEO: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/perception/dlib/examples/video_frames");
+/// Frames among the test data in which dlib tracks a target.
+const VIDEO: &str = "perception/dlib/examples/video_frames";
 
 /// Required speed relative to the program of SORT's authors.
 const TIMES: f64 = 20.0;
@@ -48,7 +48,7 @@ fn sequence(path: &Path) -> Option<Frames> {
 }
 
 fn sequences() -> Vec<Frames> {
-    let files = std::fs::read_dir(FOLDER).into_iter().flatten();
+    let files = std::fs::read_dir(data_folder().join(FOLDER)).into_iter().flatten();
     files.filter_map(|entry| sequence(&entry.ok()?.path())).collect()
 }
 
@@ -70,12 +70,12 @@ fn per_second(sequences: &[Frames], pass: fn(&[Frames])) -> f64 {
 
 /// Frames per second of the program of SORT's authors; `None` if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_the_authors() -> Option<f64> {
-    python("tracking/sort_speed.py", &[Path::new(FOLDER)]).trim().parse().ok()
+    python("tracking/sort_speed.py", &[&data_folder().join(FOLDER)]).trim().parse().ok()
 }
 
 /// Milliseconds of dlib for a frame of its video; `None` if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_dlib() -> Option<f64> {
-    python("tracking/dlib_speed.py", &[Path::new(VIDEO)]).trim().parse().ok()
+    python("tracking/dlib_speed.py", &[&data_folder().join(VIDEO)]).trim().parse().ok()
 }
 
 /// Fifty cars and fifty people in motion, frame by frame.
@@ -138,8 +138,11 @@ fn on_the_ground(rows: &mut Rows) {
 
 /// Milliseconds for a frame of dlib's video: tracking a target, and describing its appearance.
 fn by_pixels(rows: &mut Rows) {
-    let mut paths: Vec<_> =
-        std::fs::read_dir(VIDEO).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let mut paths: Vec<_> = std::fs::read_dir(data_folder().join(VIDEO))
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
     paths.retain(|path| path.extension().is_some_and(|ending| ending == "jpg"));
     paths.sort();
     if paths.is_empty() {

@@ -5,7 +5,7 @@
 mod street;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, print, python};
 use swerve_camera::{
@@ -28,12 +28,6 @@ use swerve_vision::{Plane, Rgb, shipped};
 use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const ROUNDS: usize = 15;
-
-/// Folder of real data beside the repository, if available.
-fn data() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    folder.exists().then_some(folder)
-}
 
 /// Milliseconds of `work`.
 fn ms(mut work: impl FnMut()) -> Sample {
@@ -254,14 +248,16 @@ fn main() {
     if all && is_asked_to_measure() {
         segmentation(&mut rows);
     }
-    match data().filter(|_| all && is_asked_to_measure()) {
+    let sets = ["lanes_real", "perception/middlebury_2003", "perception/middlebury_motorcycle"];
+    let has_data = sets.into_iter().all(|set| swerve_tests::data(set).is_some());
+    match swerve_tests::data("").filter(|_| all && has_data && is_asked_to_measure()) {
         Some(folder) => {
             let opencv = of_opencv(&folder);
             stereo(&folder, &opencv, &mut rows);
             hog(&opencv, &mut rows);
             lanes(&folder, &mut rows);
         }
-        None => rows.skipped("vision", "not asked to measure, or no shared/data beside the repository"),
+        None => rows.skipped("vision", "not asked to measure, or no test data"),
     }
     // `-- rungs` measures them alone.
     if is_asked_to_measure() {

@@ -13,7 +13,7 @@ use swerve_localization::voxels::Voxel;
 use swerve_log::Recorder;
 use swerve_ros2::{Kind, cdr, samples};
 use swerve_stack::config::Config;
-use swerve_study::picture::Picture;
+use swerve_measure::picture::Picture;
 
 fn main() -> anyhow::Result<()> {
     let folder = std::env::args().nth(1).context("expected a folder")?;

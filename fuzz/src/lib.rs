@@ -16,7 +16,7 @@ use swerve_planning::{Budget, Progress};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_study::evaluate::{self, EvalArgs};
+use swerve_measure::evaluate::{self, EvalArgs};
 use swerve_text::Document;
 use tempfile::TempDir;
 

@@ -2,7 +2,7 @@
 //! JPEG files, recognised by their first bytes.
 
 use swerve_fuzz::Scratch;
-use swerve_study::picture::Picture;
+use swerve_measure::picture::Picture;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let file = Scratch::file("image.jpg", &[&[0xff, 0xd8], bytes].concat());

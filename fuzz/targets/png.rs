@@ -2,7 +2,7 @@
 //! Images in files.
 
 use swerve_fuzz::Scratch;
-use swerve_study::train::read_png;
+use swerve_measure::picture::read_png;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let file = Scratch::file("image.png", bytes);

@@ -12,7 +12,6 @@ use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
-use swerve_drive::why::of_run;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Reader, Recorder, RunStart};
@@ -22,6 +21,7 @@ use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
+use swerve_why::of_run;
 
 use crate::background::do_in_background;
 use crate::convert::{error, sets, toml_table};

@@ -110,13 +110,10 @@ fn good(scenario: &Scenario, seeds: u64, sets: &[&str]) -> u64 {
 /// of latency increases step by step. `SWERVE_SEEDS=20` checks the full requirement in three minutes.
 #[test]
 fn latency_costs_only_the_unavoidable_with_the_defaults() {
-    let runner = root().join("../shared/data/scenarios/runner_two_trucks.toml");
     let shipped = crate::common::scenario_file("person_behind_truck");
     let mut cases = vec![(shipped, "ego.speed_mps=16")];
-    if runner.exists() {
+    if let Some(runner) = swerve_tests::data_or_skip("scenarios/runner_two_trucks.toml") {
         cases.push((runner, "ego.speed_mps=14"));
-    } else {
-        println!("skipped: no {}", runner.display());
     }
     let seeds = std::env::var("SWERVE_SEEDS").map_or(4, |seeds| seeds.parse().unwrap());
     let (latencies_ms, others): (&[_], &[_]) = match seeds {

@@ -86,12 +86,13 @@ fn packages_stay_behind_one_crate() {
         ("cdr-encoding", "swerve-ros2"),
         (
             "clap",
-            "swerve swerve-drive swerve-live swerve-reference swerve-stack swerve-study swerve-timing swerve-view",
+            "swerve swerve-drive swerve-learn swerve-live swerve-measure swerve-reference swerve-stack swerve-study \
+             swerve-timing swerve-view swerve-why",
         ),
         (
             "anyhow",
-            "swerve swerve-drive swerve-live swerve-reference swerve-report swerve-stack swerve-study swerve-timing \
-             swerve-view",
+            "swerve swerve-drive swerve-learn swerve-live swerve-measure swerve-reference swerve-report swerve-stack \
+             swerve-study swerve-timing swerve-view swerve-why",
         ),
     ];
     for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {

@@ -26,10 +26,11 @@ pub mod suggest;
 pub mod threads;
 pub mod trust;
 pub mod views;
-pub mod why;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
+pub use lights::light_courses;
 pub use load::{RunInput, load, load_config, operators_with_runtime, problems_error, read_scenario};
+pub use measured::{norm, outline};
 pub use overwrite::OverwriteArgs;
 pub use recording::{Recording, left_out_of_logs, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};

@@ -6,7 +6,7 @@ use swerve_msg::Signal;
 use swerve_scenario::{Scenario, TrafficLight};
 
 /// Signal phases of each light of a scenario, from the start until an instant.
-pub(crate) fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
+pub fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
     let course = |light: &TrafficLight| {
         let (mut shows, mut at) = (Vec::new(), Time::ZERO);
         while at <= until {

@@ -50,12 +50,12 @@ pub(crate) struct Measured {
 }
 
 /// Outline of a vehicle for the evaluation.
-pub(crate) fn outline(shape: &Shape) -> Outline {
+pub fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
 /// Lane and speed that the scenario requires of the ego.
-pub(crate) fn norm(pipeline: &Pipeline) -> Norm {
+pub fn norm(pipeline: &Pipeline) -> Norm {
     let scenario = &pipeline.scenario;
     Norm {
         lane_width_m: Some(scenario.road.lane_width_m),

@@ -5,6 +5,8 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use anyhow::Context as _;
+use swerve_core::{Digest, Hasher};
+use swerve_report::files::read_whole;
 
 /// A program that contains this library.
 #[derive(Clone, Debug)]
@@ -42,6 +44,16 @@ impl Program {
         }
         let path = std::env::current_exe().context("finding this program")?;
         Ok(Self { code: path.clone(), path, arguments: Vec::new() })
+    }
+
+    /// Digest of the file that contains this library: results of other builds differ from it.
+    ///
+    /// # Errors
+    /// If the system does not report the running program, or its file cannot be read.
+    pub fn digest() -> anyhow::Result<Digest> {
+        let mut hasher = Hasher::new();
+        hasher.bytes(&read_whole(&Self::this()?.code)?);
+        Ok(hasher.digest())
     }
 
     /// Registers this as the host program of the library. Only the first call counts.

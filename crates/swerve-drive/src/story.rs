@@ -31,6 +31,3 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
     story.lights = light_courses(scenario, pipeline.until);
     story
 }
-
-#[cfg(test)]
-mod tests;

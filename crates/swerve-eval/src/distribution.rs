@@ -3,6 +3,13 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
+/// Median of values, the upper one of the two middle ones; `None` without values.
+pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// Number of samples buffered unsorted before they are merged into the sorted ones.
 const RECENT: usize = 4096;
 

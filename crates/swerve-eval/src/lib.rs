@@ -39,7 +39,7 @@ pub use average_precision::{AveragePrecision, Found, Recalls};
 pub use coco::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
 pub use consistency::Consistency;
 pub use distance::{Clearance, Clearances, Outline};
-pub use distribution::{Distribution, Summary};
+pub use distribution::{Distribution, Summary, median};
 pub use drive::{Drive, DriveMetrics};
 pub use evaluation::{ActorMetrics, DecidedBy, Evaluation, JerkMetrics, Metrics, Params, Sight};
 pub use gate::{GateMetrics, GateStop, GateUse};

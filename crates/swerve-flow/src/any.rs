@@ -5,11 +5,14 @@ use std::sync::Arc;
 use swerve_core::Digest;
 use thiserror::Error;
 
-use crate::graph::{AnyStream, Graph, GraphError};
-use crate::input::{Edge, PortSpec, Slot, Timer};
+use crate::error::GraphError;
+use crate::graph::Graph;
+use crate::input::{PortSpec, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context};
-use crate::payload::{ErasedPayload, Outs, PayloadType};
+use crate::payload::{ErasedPayload, PayloadType};
+use crate::sent::Outs;
+use crate::stream::{AnyStream, Edge};
 
 /// One input of an operator whose types are known at run time only.
 #[derive(Clone, Copy, Debug)]
@@ -87,10 +90,10 @@ impl AnyOutputs<'_> {
     /// If the output does not exist, or the bytes do not decode to a message of its type.
     pub fn send_cbor(&mut self, port: usize, cbor: &[u8]) -> Result<Digest, AnyOutputError> {
         let payload = self.types.get(port).ok_or(AnyOutputError::Port(port))?;
-        let sent = (payload.decode)(cbor)
+        let made = (payload.decode)(cbor)
             .map_err(|why| AnyOutputError::Payload { expected: payload.name(), why })?;
-        let digest = sent.digest();
-        self.outs.set(port, sent);
+        let digest = made.digest;
+        self.outs.set(port, made.into());
         Ok(digest)
     }
 }

@@ -5,7 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
-use crate::input::{Edge, Source};
+use crate::stream::{Edge, Source};
 
 /// Deadline of an operator. The deadline of each stamp is the anchor plus the length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

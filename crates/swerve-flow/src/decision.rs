@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-use crate::observer::DropReason;
-
 /// Decision of a wall-clock run, or a measured run time. With the messages of the sources, the decisions repeat the run
 /// bit for bit in virtual time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,6 +86,22 @@ pub enum Decision {
         /// Last instant that was swept.
         at: Time,
     },
+}
+
+/// Reason why a frame or a result was dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DropReason {
+    /// A newer frame was started or waits instead.
+    Skipped,
+    /// The queue was full.
+    QueueFull,
+    /// A newer stamp was published while this frame was waiting.
+    GivenUp,
+    /// A newer stamp was published before this result.
+    Overtaken,
+    /// A message arrived for a stamp that had already been answered, so it opened no frame.
+    TooLate,
 }
 
 /// Decisions of an earlier run, to be repeated.

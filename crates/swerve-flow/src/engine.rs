@@ -2,6 +2,7 @@
 
 mod answer;
 mod commit;
+mod commits;
 mod due;
 mod held;
 mod node;
@@ -16,16 +17,15 @@ use std::sync::Arc;
 
 use swerve_core::Time;
 
-use crate::decision::{Decision, Replay};
-use crate::observer::{DropReason, Dropped, Event, Observer};
-use crate::promise::Pending;
+use crate::alarm::Pace;
+use crate::decision::{Decision, DropReason, Replay};
+use crate::observer::{Dropped, Event, Observer};
+use crate::pending::Pending;
 use crate::report::{EndReason, RunError, RunReport};
-use commit::Commits;
+use commits::Commits;
 use due::{Due, Ready};
-use node::{Node, StreamState};
+use node::{Node, ResourceState, StreamState};
 use pool::Pool;
-use resource::ResourceState;
-pub(crate) use start::step as run_step;
 
 /// A graph during a run.
 pub(crate) struct Engine<'o> {
@@ -44,7 +44,7 @@ pub(crate) struct Engine<'o> {
     pass: u32,
     pool: Option<Pool>,
     /// The real clock, if the run follows it.
-    wall: Option<crate::wall::Pace>,
+    wall: Option<Pace>,
     /// True if heavy operators have only one step on the host at a time: in a wall-clock run, or when one is repeated.
     one_worker: bool,
     seed: u64,

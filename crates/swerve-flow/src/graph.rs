@@ -4,19 +4,17 @@ mod check;
 mod describe;
 mod wire;
 
-use core::fmt;
-use core::marker::PhantomData;
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 
-pub use check::GraphError;
 pub(crate) use check::ranks;
 pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
-pub use wire::{AnyFeedback, AnyStream};
 
 use crate::deadline::{Deadline, Length};
-use crate::input::{Connect, Edge, PortSpec, Ports};
+use crate::error::GraphError;
+use crate::inbox::{Inbox, SourceHandle, StopHandle};
+use crate::input::{Connect, PortSpec, Ports};
 use crate::operator::{Body, OnDeadline, Operator, Typed, on_deadline};
 use crate::output::{Declaration, Declared, Outputs};
 use crate::payload::{Decode, FromWire, Payload, PayloadType};
@@ -24,50 +22,7 @@ use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
 use crate::remote::{Remote, RemoteExecutor, Worker, WorkerOperator};
 use crate::runtime::RuntimeModel;
-use crate::wall::{Inbox, SourceHandle, StopHandle};
-
-/// A stream of messages of type `T`, to be connected to any number of readers.
-pub struct Stream<T> {
-    pub(crate) id: usize,
-    payload: PhantomData<fn() -> T>,
-}
-
-/// An edge that closes a loop: read by [`Latest`](crate::Latest) or [`Window`](crate::Window), it contains the messages
-/// visible strictly before the current instant. Connected to its stream by [`Graph::connect`].
-pub struct Feedback<T> {
-    pub(crate) id: usize,
-    payload: PhantomData<fn() -> T>,
-}
-
-macro_rules! handle {
-    ($handle:ident) => {
-        impl<T> $handle<T> {
-            pub(crate) const fn new(id: usize) -> Self {
-                Self { id, payload: PhantomData }
-            }
-        }
-        impl<T> Copy for $handle<T> {}
-        impl<T> Clone for $handle<T> {
-            fn clone(&self) -> Self {
-                *self
-            }
-        }
-        impl<T> PartialEq for $handle<T> {
-            fn eq(&self, other: &Self) -> bool {
-                self.id == other.id
-            }
-        }
-        impl<T> Eq for $handle<T> {}
-        impl<T> fmt::Debug for $handle<T> {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, concat!(stringify!($handle), "({})"), self.id)
-            }
-        }
-    };
-}
-
-handle!(Stream);
-handle!(Feedback);
+use crate::stream::{Edge, Feedback, Stream};
 
 /// A resource shared by steps of several operators, such as a GPU: used by at most `slots` steps at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -282,7 +237,7 @@ impl Graph {
             let Some(stream) = stream else {
                 return Err(GraphError::PlaybackPort { operator: name.into(), port: record.port });
             };
-            record.take_in(stream).map_err(|(at, reason)| GraphError::PlaybackPayload {
+            record.take_in(&stream.payload).map_err(|(at, reason)| GraphError::PlaybackPayload {
                 operator: name.into(),
                 at,
                 reason,

@@ -1,13 +1,12 @@
 //! Input ports: the inputs of an operator's step.
 
-use core::marker::PhantomData;
 use std::collections::VecDeque;
 
 use swerve_core::{Span, Time};
 
-use crate::graph::{Feedback, Stream};
 use crate::message::{Header, Message, Msg};
 use crate::payload::Payload;
+use crate::stream::{Edge, Feedback, Source, Stream};
 
 /// Inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples themselves), an `Option` or a
 /// `Vec` of ports, or a struct of ports with `#[derive(Inputs)]`.
@@ -160,13 +159,6 @@ pub(crate) enum PortSpec {
     Timer(Timer),
 }
 
-/// Source of a `Latest` or `Window` port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Edge {
-    Stream(usize),
-    Feedback(usize),
-}
-
 impl<T: Payload> Inputs for At<T> {
     type Layout = ();
 
@@ -247,25 +239,6 @@ impl<T: Payload, const N: usize> Connect<Window<T, N>> for Stream<T> {
 impl<T: Payload, const N: usize> Connect<Window<T, N>> for Feedback<T> {
     fn connect(self, ports: &mut Ports) {
         ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: N, window: true });
-    }
-}
-
-/// A stream or a feedback edge, for uses that accept both: a `Vec` of [`Latest`] ports, the policy of a deadline.
-#[derive(Clone, Copy, Debug)]
-pub struct Source<T> {
-    pub(crate) edge: Edge,
-    payload: PhantomData<fn() -> T>,
-}
-
-impl<T> From<Stream<T>> for Source<T> {
-    fn from(stream: Stream<T>) -> Self {
-        Self { edge: Edge::Stream(stream.id), payload: PhantomData }
-    }
-}
-
-impl<T> From<Feedback<T>> for Source<T> {
-    fn from(feedback: Feedback<T>) -> Self {
-        Self { edge: Edge::Feedback(feedback.id), payload: PhantomData }
     }
 }
 

@@ -77,14 +77,17 @@
 #[cfg(test)]
 extern crate self as swerve_flow;
 
+mod alarm;
 mod any;
 pub mod cbor;
 mod cddl;
 mod deadline;
 mod decision;
 mod engine;
+mod error;
 mod graph;
 mod host;
+mod inbox;
 mod input;
 mod message;
 mod observer;
@@ -92,6 +95,7 @@ mod operator;
 mod options;
 mod output;
 mod payload;
+mod pending;
 mod playback;
 mod policy;
 mod port;
@@ -99,7 +103,9 @@ mod promise;
 mod remote;
 mod report;
 mod runtime;
+mod sent;
 mod session;
+mod stream;
 #[cfg(test)]
 mod tests;
 mod virtual_time;
@@ -107,23 +113,19 @@ mod wall;
 
 pub use any::{AnyInput, AnyMessage, AnyOperator, AnyOutputError, AnyOutputs, AnySource};
 pub use deadline::{Anchor, Deadline, Reaction};
-pub use decision::{Decision, Replay};
-pub use graph::{
-    AnyFeedback, AnyStream, Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo,
-    OperatorRef, Resource, Stream,
-};
-pub use input::{At, Connect, Every, Inputs, Latest, Ports, Slots, Source, Timer, Window, every};
+pub use decision::{Decision, DropReason, Replay};
+pub use error::GraphError;
+pub use graph::{Graph, GraphInfo, InputInfo, InputKind, OperatorInfo, OperatorRef, Resource};
+pub use inbox::{SendError, SourceHandle, StopHandle};
+pub use input::{At, Connect, Every, Inputs, Latest, Ports, Slots, Timer, Window, every};
 pub use message::{Header, Message};
 pub use observer::{
-    Dispatcher, DropReason, Dropped, Event, Miss as MissEvent, Observer, Publication, Reads, StepEnd,
-    StepStart,
+    Dispatcher, Dropped, Event, Miss as MissEvent, Observer, Publication, Reads, StepEnd, StepStart,
 };
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
 pub use output::{Declaration, Loan, Outputs, Port};
-#[doc(hidden)]
-pub use payload::Outs;
-pub use payload::{ErasedPayload, Payload, PayloadType, Sent};
+pub use payload::{ErasedPayload, Payload, PayloadType};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Late, Policy};
 pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, PortInfo, PortMode, Wire};
@@ -131,7 +133,11 @@ pub use promise::{Promise, Workers};
 pub use remote::{Answered, Call, CallError, Lost, RemoteExecutor, Worker};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
+#[doc(hidden)]
+pub use sent::Outs;
+pub use sent::Sent;
 pub use session::{Reached, Session, Watched};
+pub use stream::{AnyFeedback, AnyStream, Feedback, Source, Stream};
 pub use swerve_flow_derive::{Inputs, Outputs};
 pub use virtual_time::{run_replay, run_virtual};
-pub use wall::{SendError, SourceHandle, StopHandle, run_wall};
+pub use wall::run_wall;

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Time};
 
-use crate::payload::{Payload, Sent};
+use crate::payload::Payload;
+use crate::sent::Sent;
 
 /// Header of a message: the instant that it describes, when it was published, and its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

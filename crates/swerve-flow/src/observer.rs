@@ -9,9 +9,9 @@ use swerve_core::Time;
 pub use dispatch::Dispatcher;
 
 use crate::deadline::Reaction;
-use crate::decision::Decision;
-use crate::payload::Sent;
+use crate::decision::{Decision, DropReason};
 use crate::report::RunReport;
+use crate::sent::Sent;
 
 /// Receives every event of a run, in commit order: a recorder, a table, a test. It is `Send` because a run can be moved
 /// to another thread.
@@ -155,20 +155,4 @@ pub struct Dropped<'a> {
     pub at: Time,
     /// Reason for the drop.
     pub reason: DropReason,
-}
-
-/// Reason why a frame or a result was dropped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DropReason {
-    /// A newer frame was started or waits instead.
-    Skipped,
-    /// The queue was full.
-    QueueFull,
-    /// A newer stamp was published while this frame was waiting.
-    GivenUp,
-    /// A newer stamp was published before this result.
-    Overtaken,
-    /// A message arrived for a stamp that had already been answered, so it opened no frame.
-    TooLate,
 }

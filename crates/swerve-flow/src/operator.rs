@@ -1,15 +1,18 @@
 //! Operators: the computations of a graph.
 
-use std::sync::Arc;
-use std::sync::{Mutex, PoisonError};
+use core::any::Any;
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use swerve_core::{Rng, Time};
 
+use crate::alarm::Alarm;
 use crate::input::{Inputs, Slot, Slots};
 use crate::output::{Outputs, Port};
-use crate::payload::{Outs, Payload, Sent};
+use crate::payload::Payload;
 use crate::promise::Workers;
-use crate::wall::Alarm;
+use crate::sent::{Outs, Sent};
 
 /// A component with state, whose step computes outputs from inputs.
 ///
@@ -261,4 +264,24 @@ pub(crate) fn on_deadline<O: Operator>(miss: &ErasedMiss<'_>, outs: &mut Outs) {
     let mut out = O::Out::fresh(0);
     O::on_deadline(&miss, &mut out);
     out.take(outs);
+}
+
+/// Calls the operator's step; returns its panic message, if it panicked.
+#[inline]
+pub(crate) fn run_step(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    outs: &mut Outs,
+) -> Option<Box<str>> {
+    let mut cx = Context { name, task };
+    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, outs)));
+    result.err().map(|panic| said(&*panic).into())
+}
+
+/// Message of a panic.
+pub(crate) fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
 }

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use swerve_core::{Digest, digest_of};
 
-use crate::graph::Stream;
 use crate::message::Message;
-use crate::payload::{Made, Outs, Payload, PayloadType};
-use crate::promise::Pending;
+use crate::payload::{Made, Payload, PayloadType};
+use crate::pending::Pending;
+use crate::sent::Outs;
+use crate::stream::Stream;
 
 /// Outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
 /// `#[derive(Outputs)]`.

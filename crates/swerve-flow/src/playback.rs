@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use swerve_core::Time;
 
-use crate::graph::StreamSpec;
 use crate::observer::Publication;
-use crate::payload::{Payload, Sent};
+use crate::payload::{Decode, Payload, PayloadType};
+use crate::sent::Sent;
 
 /// One publication of an operator in an earlier run.
 #[derive(Clone, Debug)]
@@ -109,20 +109,20 @@ impl PlaybackRecord {
         }
     }
 
-    /// Checks that the payload has the type of `stream`; keeps the decoded form of a small one.
-    pub(crate) fn take_in(&mut self, stream: &StreamSpec) -> Result<(), (Time, String)> {
+    /// Checks that the payload has the type of its stream; keeps the decoded form of a small one.
+    pub(crate) fn take_in(&mut self, expected: &PayloadType) -> Result<(), (Time, String)> {
         let Some(PlaybackMessage { payload: PlaybackPayload(kind), stamp, .. }) = &mut self.message else {
             return Ok(());
         };
         match kind {
-            Kind::Ready(sent) if sent.type_id() != stream.payload.id => {
-                Err((*stamp, format!("expected {}, found {}", stream.payload.full_name, sent.type_name())))
+            Kind::Ready(sent) if sent.type_id() != expected.id => {
+                Err((*stamp, format!("expected {}, found {}", expected.full_name, sent.type_name())))
             }
             Kind::Ready(_) => Ok(()),
             Kind::Cbor(bytes) => {
-                let sent = (stream.decode)(bytes).map_err(|reason| (*stamp, reason))?;
+                let made = (expected.decode)(bytes).map_err(|reason| (*stamp, reason))?;
                 if bytes.len() <= SMALL {
-                    *kind = Kind::Ready(sent);
+                    *kind = Kind::Ready(made.into());
                 }
                 Ok(())
             }
@@ -130,10 +130,12 @@ impl PlaybackRecord {
     }
 
     /// Payload in memory, decoded if necessary.
-    pub(crate) fn payload(&self, decode: crate::payload::Decode) -> Option<Sent> {
+    pub(crate) fn payload(&self, decode: Decode) -> Option<Sent> {
         self.message.as_ref().map(|message| match &message.payload.0 {
             Kind::Ready(sent) => sent.clone(),
-            Kind::Cbor(bytes) => decode(bytes).expect("the graph decoded every record when it took them in"),
+            Kind::Cbor(bytes) => {
+                decode(bytes).expect("the graph decoded every record when it took them in").into()
+            }
         })
     }
 }

@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use crate::graph::{AnyFeedback, AnyStream, Feedback, Stream};
 use crate::input::{At, Every, Inputs, Latest, Timer, Window};
 use crate::output::{Declaration, Outputs, Port};
 use crate::payload::{Payload, PayloadType};
+use crate::stream::{AnyFeedback, AnyStream, Feedback, Stream};
 
 /// Inputs whose ports have names: a struct with `#[derive(Inputs)]`.
 pub trait NamedInputs: Inputs {

@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Span, Time};
 use thiserror::Error;
 
-use crate::engine::run_step;
+use crate::alarm::Alarm;
 use crate::input::Slot;
 use crate::message::{Header, Msg};
-use crate::operator::{Body, Context, Cut, Meter, Offered, Task};
-use crate::payload::{FromWire, Made, Outs, Sent};
-use crate::wall::Alarm;
+use crate::operator::{Body, Context, Cut, Meter, Offered, Task, run_step};
+use crate::payload::{FromWire, Made};
+use crate::sent::{Outs, Sent};
 
 /// Executor of the steps of one operator outside the engine. A step blocks the thread that waits for it.
 pub trait RemoteExecutor: Send + 'static {

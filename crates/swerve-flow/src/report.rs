@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Span, Time};
 use thiserror::Error;
 
-use crate::graph::GraphError;
+use crate::error::GraphError;
 
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

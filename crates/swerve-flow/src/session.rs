@@ -5,13 +5,14 @@ use std::sync::Arc;
 use swerve_core::{Span, Time};
 
 use crate::engine::Engine;
-use crate::graph::{Graph, GraphError};
+use crate::error::GraphError;
+use crate::graph::Graph;
+use crate::inbox::Inbox;
 use crate::message::{Header, Msg};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::payload::ErasedPayload;
 use crate::report::{EndReason, RunError, RunReport};
-use crate::wall::Inbox;
 
 /// A run in virtual time that its caller advances.
 ///

@@ -5,10 +5,10 @@ use swerve_core::Time;
 use crate::decision::Replay;
 use crate::engine::Engine;
 use crate::graph::Graph;
+use crate::inbox::Inbox;
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::report::{EndReason, RunError, RunReport};
-use crate::wall::Inbox;
 
 /// Runs a graph in virtual time. The result is a function of the graph and the seed alone, unless the run is stopped by
 /// its [`StopHandle`](crate::StopHandle).

@@ -164,7 +164,6 @@ fn note(first: &Mutex<Option<String>>, error: &str) {
 mod tests {
     use super::*;
     use crate::probe;
-    use crate::testing::adapter_or_skip;
 
     #[test]
     fn probed_adapters_open_as_reported() {
@@ -187,7 +186,7 @@ mod tests {
 
     #[test]
     fn shared_device_is_replaced_after_a_failure() {
-        let Some(gpu) = adapter_or_skip(Gpu::fresh(AdapterKind::Software)) else { return };
+        let Some(gpu) = swerve_tests::or_skip(Gpu::fresh(AdapterKind::Software)) else { return };
         assert_eq!(gpu.error(), None);
         gpu.device().destroy();
         let _ = gpu.wait(None);

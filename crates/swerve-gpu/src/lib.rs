@@ -12,7 +12,6 @@ mod adapter;
 mod buffer;
 mod device;
 mod drivers;
-pub mod testing;
 
 pub use adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter, probe};
 pub use buffer::GrowingBuffer;

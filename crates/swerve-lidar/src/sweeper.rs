@@ -9,7 +9,6 @@ mod submit;
 pub use engine::LidarEngine;
 pub(crate) use firing::Piece;
 pub use firing::{FireError, Fired, Firing};
-pub(crate) use pose::ColumnPose;
 
 use core::ops::Range;
 use std::collections::VecDeque;

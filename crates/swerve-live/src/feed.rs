@@ -15,7 +15,8 @@ use swerve_ros2::mapping::Role;
 
 use super::engage::{Engagement, Situation};
 use super::graph::Inputs;
-use super::intake::{Arrived, Input, Intake, Request, TopicSummary, lock};
+use super::intake::{Arrived, Input, Intake, Request, TopicSummary};
+use super::shared::lock;
 use super::sink::{Order, stop_takes};
 use super::watch::DriveStatus;
 use super::wire::{HostClock, Wire};

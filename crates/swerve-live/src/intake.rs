@@ -1,7 +1,7 @@
 //! Intake: from live or recorded ROS messages to inputs of the graph.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 use swerve_core::{Span, Time};
@@ -24,6 +24,7 @@ use swerve_stack::config::Config;
 use swerve_stack::config::perception::image_camera;
 
 use super::feed::TopicState;
+use super::shared::lock;
 use super::time::TopicClock;
 use super::vehicle::{Car, VehicleInterface};
 
@@ -255,11 +256,6 @@ impl Acceleration {
             _ => self.from_speeds_mps2,
         }
     }
-}
-
-/// Locks shared state and ignores poisoning: its updates leave it consistent even after a panic.
-pub(super) fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Intake {

@@ -10,11 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use anyhow::Context as _;
-use serde::{Deserialize, Serialize};
-use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
 use swerve_drive::problems_error;
-use swerve_msg::GateOutput;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Bridge, EndpointId, TopicStatistics};
 use swerve_ros2::convert::Epoch;
@@ -25,7 +22,8 @@ use swerve_stack::config::live::EnableBy;
 use swerve_stack::config::{Config, LiveConfig};
 use swerve_text::Document;
 
-use crate::intake::lock;
+use crate::legacy::Legacy;
+use crate::shared::lock;
 use crate::sink::Sink;
 use crate::vehicle::{self, Car, VehicleInterface};
 use crate::wire::{HostClock, Sent, Taken, Wire, sends};
@@ -33,20 +31,22 @@ use crate::wire::{HostClock, Sent, Taken, Wire, sends};
 /// Period of polling the vehicle's reports.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// State of a drive that is needed to stop it.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct Legacy {
-    /// Last command.
-    pub last: GateOutput,
-    /// Parameters of the stop.
-    pub stop: GateParams,
+/// Runs the transport process.
+///
+/// # Errors
+/// If it was not started by a run.
+pub fn run_transport(registry: &Registry) -> anyhow::Result<()> {
+    let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
+    // An error would have no reader: the vehicle's time-out brakes then.
+    let stopped = |orphan: Orphan<'_>| drop(stop(registry, &orphan));
+    swerve_ros2::transport::run(stopped).context(started_by)
 }
 
 /// Stops the vehicle if the program was driving it.
 ///
 /// # Errors
 /// If the configuration or the state that the program left cannot be read.
-pub(crate) fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<()> {
+fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<()> {
     let legacy: Legacy = serde_json::from_slice(&orphan.state).context("the last command")?;
     if !legacy.last.engaged {
         return Ok(());

@@ -15,8 +15,8 @@ use swerve_msg::{GateMode, GateOutput, MotionCommand, StopCause};
 use swerve_ros2::convert::Epoch;
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 
-use super::intake::lock;
-use super::orphan::Legacy;
+use super::legacy::Legacy;
+use super::shared::lock;
 use super::vehicle::{Car, Outgoing, VehicleInterface};
 use super::wire::{HostClock, Sent, Wire};
 

@@ -19,7 +19,8 @@ use swerve_ros2::msg::std_msgs::Bool;
 use swerve_ros2::samples::sample;
 use swerve_ros2::{AnyMessage, Kind};
 
-use super::intake::{TopicSummary, lock};
+use super::intake::TopicSummary;
+use super::shared::lock;
 use super::wire::{Sent, Taken};
 use super::*;
 

@@ -9,7 +9,7 @@ use swerve_flow::{Dispatcher, Event, Observer, Publication};
 use swerve_geom::Point2;
 use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
 
-use super::intake::lock;
+use super::shared::lock;
 use super::sink::Order;
 
 /// Present status of the drive, for the other threads.

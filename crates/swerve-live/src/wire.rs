@@ -4,18 +4,16 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use anyhow::Context as _;
 use swerve_core::{Span, Time};
 use swerve_drive::program::Program;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, Endpoint, EndpointId, Options, ServiceSide, TopicStatistics};
 use swerve_ros2::mapping::{Mapping, Role, Side};
-use swerve_ros2::transport::{Orphan, Transport, TransportProcess};
-use swerve_stack::Registry;
+use swerve_ros2::transport::{Transport, TransportProcess};
 use swerve_stack::config::Config;
 use swerve_stack::config::live::{EnableBy, LiveConfig};
 
-use crate::orphan::{self, Legacy};
+use crate::legacy::Legacy;
 
 /// Host clock; run time starts when it is created.
 #[derive(Clone, Copy, Debug)]
@@ -113,23 +111,11 @@ pub trait Wire: Sync {
 /// Command-line argument that runs this program as the transport process.
 pub const TRANSPORT: &str = "transport";
 
-/// Runs the transport process.
-///
-/// # Errors
-/// If it was not started by a run.
-pub fn run_transport(registry: &Registry) -> anyhow::Result<()> {
-    let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
-    // An error would have no reader: the vehicle's time-out brakes then.
-    let stop = |orphan: Orphan<'_>| drop(orphan::stop(registry, &orphan));
-    swerve_ros2::transport::run(stop).context(started_by)
-}
-
 /// Starts a transport in a separate process of this program; `setup` is the configuration of a drive whose vehicle
 /// the transport stops if this program dies.
 ///
 /// # Errors
 /// If the transport does not start.
-/// The transport does not start.
 pub(super) fn transport(mapping: &Mapping, options: &Options, setup: Vec<u8>) -> anyhow::Result<Transport> {
     let program = Program::this()?.with(&[TRANSPORT]);
     let memory_mib = mapping.transport_memory_mib;

@@ -8,6 +8,7 @@
 
 mod arrows;
 mod bag;
+mod batch;
 mod error;
 mod format;
 mod log;
@@ -22,9 +23,9 @@ mod view;
 mod writer;
 
 pub use bag::{Bag, BagMessage, BagTopic};
+pub use batch::left_out;
 pub use error::LogError;
 pub use log::Log;
-pub use observe::left_out;
 pub use reader::Reader;
 pub use record::{
     DecisionRecord, DropRecord, MessageHeader, MissRecord, PublicationRecord, Record, RunEnd, RunStart,

@@ -2,21 +2,14 @@
 
 use std::io::Write;
 
-use swerve_flow::{
-    Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport, Sent, cbor,
-};
+use swerve_flow::{Decision, EndReason, Event, Observer, Publication, RunReport, cbor};
 
+use crate::batch::left_out;
 use crate::record::{
     DropRecord, FAILED, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord,
-    WatermarkRecord,
+    WatermarkRecord, reaction_name, reason_name,
 };
 use crate::{Recorder, TraceWriter};
-
-/// Appends the placeholder for an omitted payload: in CBOR, a map of `left_out` to the digest.
-pub fn left_out(payload: &Sent, out: &mut Vec<u8>) {
-    let place = std::collections::BTreeMap::from([("left_out", payload.digest().to_string())]);
-    cbor::write(&place, out);
-}
 
 impl Observer for Recorder {
     fn event(&mut self, event: &Event<'_>) {
@@ -127,24 +120,6 @@ fn run_end(report: &RunReport) -> RunEnd {
     };
     let text = serde_json::to_string(report).expect("a report is plain data");
     RunEnd { digest: report.digest, at: report.at, reason, report: text }
-}
-
-pub(crate) fn reaction_name(reaction: Reaction) -> &'static str {
-    match reaction {
-        Reaction::Skip => "skip",
-        Reaction::ReuseLast => "reuse_last",
-        Reaction::OnDeadline => "on_deadline",
-    }
-}
-
-pub(crate) fn reason_name(reason: DropReason) -> &'static str {
-    match reason {
-        DropReason::Skipped => "skipped",
-        DropReason::QueueFull => "queue_full",
-        DropReason::GivenUp => "given_up",
-        DropReason::Overtaken => "overtaken",
-        DropReason::TooLate => "too_late",
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Time};
+use swerve_flow::{DropReason, Reaction};
 
 use crate::LogError;
 
@@ -227,4 +228,22 @@ fn decode<T: DeserializeOwned>(cbor: &[u8], stream: &str, seq: u64) -> Result<T,
         type_name: core::any::type_name::<T>(),
         reason,
     })
+}
+
+pub(crate) fn reaction_name(reaction: Reaction) -> &'static str {
+    match reaction {
+        Reaction::Skip => "skip",
+        Reaction::ReuseLast => "reuse_last",
+        Reaction::OnDeadline => "on_deadline",
+    }
+}
+
+pub(crate) fn reason_name(reason: DropReason) -> &'static str {
+    match reason {
+        DropReason::Skipped => "skipped",
+        DropReason::QueueFull => "queue_full",
+        DropReason::GivenUp => "given_up",
+        DropReason::Overtaken => "overtaken",
+        DropReason::TooLate => "too_late",
+    }
 }

@@ -5,15 +5,14 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use crossbeam_channel::{Sender, bounded};
-use serde::{Serialize, Serializer};
 use swerve_core::{Span, Time};
 use swerve_flow::{Event, Sent};
 
 use crate::LogError;
+use crate::batch::{BATCH_BYTES, Batch, Item, Name};
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, RunStart, StepRecord, StreamInfo, UnfinishedRecord,
     WatermarkRecord,
@@ -25,78 +24,10 @@ use crate::writer::LogWriter;
 const BATCHES: usize = 64;
 /// Number of records at which a batch is sent to the writer thread.
 const BATCH_RECORDS: usize = 256;
-/// Payload at which a batch is sent, bytes.
-const BATCH_BYTES: usize = 256 << 10;
 /// Run time after which a batch is sent.
 const BATCH_SPAN: Span = Span::from_ms(100);
 /// Number of big items (images, point clouds; one batch each) that may wait, which bounds memory.
 const BIG: usize = 16;
-
-/// A name shared by many records.
-#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub(crate) struct Name(pub(crate) Arc<str>);
-
-impl Serialize for Name {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(&self.0)
-    }
-}
-
-impl core::borrow::Borrow<str> for Name {
-    fn borrow(&self) -> &str {
-        &self.0
-    }
-}
-
-/// One record on its way to the writer thread; ranges index the bytes of the batch.
-pub(crate) enum Item {
-    /// Declares the stream with the next number, from 0.
-    Stream(StreamInfo),
-    Message {
-        stream: usize,
-        header: MessageHeader,
-        payload: Range<usize>,
-    },
-    /// A message whose payload may still be computing; of omitted payloads only the digest is logged.
-    Promised {
-        stream: usize,
-        header: MessageHeader,
-        payload: Sent,
-        leaves_out: bool,
-    },
-    Watermark(WatermarkRecord<Name>),
-    Step(StepRecord<Name>),
-    Unfinished(UnfinishedRecord<Name>),
-    Miss(MissRecord<Name>),
-    Drop(DropRecord<Name>),
-    Decision {
-        at: Time,
-        cbor: Range<usize>,
-    },
-    View(View),
-    End(RunEnd),
-}
-
-impl Item {
-    /// Returns true if this item fills a batch by itself.
-    fn is_big(&self) -> bool {
-        match self {
-            Self::View(view) => view.bytes >= BATCH_BYTES,
-            Self::Promised { leaves_out, .. } => !leaves_out,
-            _ => false,
-        }
-    }
-}
-
-/// Batch of records on its way to the writer thread.
-#[derive(Default)]
-pub(crate) struct Batch {
-    pub(crate) items: Vec<Item>,
-    pub(crate) bytes: Vec<u8>,
-    /// Memory held by its views, bytes.
-    views_bytes: usize,
-    since: Option<Time>,
-}
 
 /// Predicate that selects the payloads of which only the digest is logged.
 pub type LeavesOut = fn(&Sent) -> bool;

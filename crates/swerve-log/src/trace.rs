@@ -11,7 +11,7 @@ use swerve_flow::Event;
 
 use crate::LogError;
 use crate::arrows::{Arrow, Arrows};
-use crate::observe::{reaction_name, reason_name};
+use crate::record::{reaction_name, reason_name};
 
 /// Times of a message.
 #[derive(Clone, Copy, Debug)]

@@ -11,11 +11,10 @@ use swerve_core::{Span, Time};
 use swerve_flow::cbor;
 
 use crate::LogError;
+use crate::batch::{Batch, Item, left_out};
 use crate::format::{self, Kind, unsigned};
 use crate::mcap_record::{Channel, Schema};
-use crate::observe::left_out;
 use crate::record::{RunEnd, RunStart, StreamInfo};
-use crate::recorder::{Batch, Item};
 use crate::seals::{self, Seals};
 use crate::view::View;
 

@@ -86,14 +86,10 @@ fn worst_offset_m(path: &[[f64; 4]], speed_mps: f64, window_m: f64) -> f64 {
     worst_m
 }
 
-/// The problem file, if it is next to the checkout.
+/// The problem file, if it is among the test data.
 fn shared() -> Option<ProblemFile> {
-    let above = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let mut paths = above.map(|dir| dir.join("shared/data/planner_problems.json"));
-    let Some(text) = paths.find_map(|path| std::fs::read_to_string(path).ok()) else {
-        println!("skipped: no shared/data/planner_problems.json beside the checkout");
-        return None;
-    };
+    let path = swerve_tests::data_or_skip("planner_problems.json")?;
+    let text = std::fs::read_to_string(path).expect("a text");
     Some(serde_json::from_str(&text).expect("a problem file"))
 }
 

@@ -7,13 +7,16 @@
 //! seconds of run time.
 
 mod birds_eye;
+mod changes;
 mod collision_time;
 mod draw;
 mod labels;
 mod lights;
 mod marks;
+mod moments;
 mod panels;
 mod record;
+mod shapes;
 mod tracks;
 mod view;
 

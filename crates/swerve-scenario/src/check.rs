@@ -4,7 +4,7 @@ use swerve_geom::{Obb, Polyline, math};
 use swerve_msg::ActorKind;
 use swerve_vehicle::Shape;
 
-use crate::draw::EGO_START_M;
+use crate::model::EGO_START_M;
 use crate::{Actor, Scenario, Subject, Trigger};
 
 /// Problems of a scenario whose single values are in range, as (key, message).

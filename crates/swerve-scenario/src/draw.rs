@@ -8,25 +8,11 @@
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
 //! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
 
-use serde::{Deserialize, Serialize};
 use swerve_core::{Rng, Span};
 
+use crate::model::{Draws, EGO_START_M};
 use crate::{Scenario, Trigger};
 
-/// Random changes to a scenario.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Draws {
-    /// Seed of the draws.
-    pub seed: u64,
-    /// Added to the ego's start along the road, metres.
-    pub ego_start_m: f64,
-    /// Added to the ego's start and target speed, m/s.
-    pub ego_speed_mps: f64,
-    /// Added to the distance of each actor's trigger, metres; zero for actors without a distance trigger.
-    pub trigger_m: Vec<f64>,
-}
-
-pub(crate) const EGO_START_M: f64 = 0.5;
 const EGO_SPEED_MPS: f64 = 0.2;
 const TRIGGER_M: f64 = 0.25;
 

@@ -77,11 +77,11 @@ mod parse;
 mod road;
 mod set;
 
-pub use draw::{Draws, sensor_phase};
+pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
 pub use model::{
-    Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject,
-    Trigger,
+    Actor, Along, Direction, Draws, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill,
+    Subject, Trigger,
 };
 pub use road::{KERB_M, PAVEMENT_M, Road, Segment, TrafficLight};
 pub use set::{is_scenario_key, split_sets};

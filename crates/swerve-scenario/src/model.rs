@@ -3,10 +3,9 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, Extent};
-use swerve_text::{Document, Problems};
 use swerve_vehicle::Shape;
 
-use crate::{Draws, Expectation, Road, Verdict};
+use crate::{Expectation, Road, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -214,23 +213,23 @@ pub struct RoadPlace {
     pub d_m: f64,
 }
 
+/// Random changes to a scenario.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Draws {
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Added to the ego's start along the road, metres.
+    pub ego_start_m: f64,
+    /// Added to the ego's start and target speed, m/s.
+    pub ego_speed_mps: f64,
+    /// Added to the distance of each actor's trigger, metres; zero for actors without a distance trigger.
+    pub trigger_m: Vec<f64>,
+}
+
+/// Half of the range from which [`Draws::ego_start_m`] is drawn, metres.
+pub(crate) const EGO_START_M: f64 = 0.5;
+
 impl Scenario {
-    /// Parses the text of a scenario file; `file` is only used in problems.
-    ///
-    /// # Errors
-    /// All problems of the text, in the order of their lines.
-    pub fn parse(file: &str, text: &str) -> Result<Self, Problems> {
-        crate::parse::scenario(&Document::parse(file, text)?)
-    }
-
-    /// Reads a scenario file.
-    ///
-    /// # Errors
-    /// One problem if the file cannot be read, else as [`parse`](Self::parse).
-    pub fn read(path: &std::path::Path) -> Result<Self, Problems> {
-        crate::parse::scenario(&Document::read(path)?)
-    }
-
     /// Pose of the ego origin (rear axle) at the start, for a vehicle of the given outline.
     pub fn ego_pose(&self, line: &Polyline, shape: &Shape) -> Pose2 {
         let center = on_road(line, self.ego.s_m, self.ego.d_m, self.ego.heading_rad);

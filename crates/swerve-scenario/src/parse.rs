@@ -30,6 +30,24 @@ const ANGLE: Range = Range::between(-6.3, 6.3);
 /// Largest number of actors: a state of the world contains all of them, and a log all states.
 const ACTORS_MAX: usize = 20_000;
 
+impl Scenario {
+    /// Parses the text of a scenario file; `file` is only used in problems.
+    ///
+    /// # Errors
+    /// All problems of the text, in the order of their lines.
+    pub fn parse(file: &str, text: &str) -> Result<Self, Problems> {
+        scenario(&Document::parse(file, text)?)
+    }
+
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// One problem if the file cannot be read, else as [`parse`](Self::parse).
+    pub fn read(path: &std::path::Path) -> Result<Self, Problems> {
+        scenario(&Document::read(path)?)
+    }
+}
+
 /// Reads and checks a whole document.
 pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
     let reading = Reading::of(document);

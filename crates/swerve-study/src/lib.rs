@@ -2,12 +2,11 @@
 //!
 //! Cells run in parallel, each on one thread. Finished cells are stored, so that a second call continues where the
 //! first was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
+//!
+//! Excluded: training, and the evaluation of results in files; drives, their pages and logs are those of `swerve-drive`.
 
 mod budget;
-pub mod calibrate;
 mod consent;
-pub mod dataset;
-pub mod evaluate;
 mod folder;
 mod joint;
 pub mod layer;
@@ -19,19 +18,14 @@ mod cluster;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
-pub mod map;
 mod merge;
 pub mod page;
-pub mod picture;
 pub mod ranking;
 pub mod report;
 pub mod suite;
 pub mod table;
 pub mod timely;
 mod timely_prediction;
-pub mod track;
-pub mod train;
-mod worlds;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -242,7 +236,7 @@ impl Bench {
         let problems = joint::problems(&study, &bases.documents, &scenarios, registry);
         if problems.is_empty() && unread.is_empty() {
             let (registry, consent) = (registry.clone(), StudyConsent::default());
-            return Ok(Self { study, scenarios, bases, consent, registry, program: program()? });
+            return Ok(Self { study, scenarios, bases, consent, registry, program: Program::digest()? });
         }
         let problems = problems.iter().map(Problem::to_string);
         Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
@@ -398,14 +392,6 @@ fn in_cell(cell: &Cell, problems: &Problems) -> anyhow::Error {
 /// True if the cell is for the vehicle's own limit.
 fn is_limit(cell: &Cell) -> bool {
     cell.labels.iter().any(|label| label == grid::LIMIT)
-}
-
-/// Digest of the running executable.
-fn program() -> anyhow::Result<Digest> {
-    let path = Program::this()?.code;
-    let mut hasher = Hasher::new();
-    hasher.bytes(&read_whole(&path)?);
-    Ok(hasher.digest())
 }
 
 fn report(

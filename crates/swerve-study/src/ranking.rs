@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::fmt::Write as _;
 
 use serde::Deserialize;
+use swerve_eval::median;
 use swerve_report::output::align;
 use swerve_text::{Document, Problems, list};
 
@@ -116,12 +117,6 @@ impl Ranked {
 }
 
 const COLUMNS: [&str; 6] = ["collisions", "impact m/s", "others", "response p50 ms", "p99 ms", "misses"];
-
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
 
 /// All settings, the best first. Failed cells have no result and do not count.
 pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Ranked> {

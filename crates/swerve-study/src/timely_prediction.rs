@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use swerve_measure::evaluate::prediction::{Format, file, on_lanes};
 use swerve_prediction::PredictorName;
 use swerve_prediction::recorded::{Recording, made};
 use swerve_report::files::entries;
 use swerve_report::output::align;
 use swerve_text::{Document, Problems};
 
-use super::evaluate::prediction::{Format, file, on_lanes};
 use super::table::quoted;
 use errors::{Errors, Foreteller};
 

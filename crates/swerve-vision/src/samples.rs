@@ -1,7 +1,6 @@
-//! Real images for tests, read from a data folder next to the repository.
+//! Real images for tests.
 
 use std::fs;
-use std::path::PathBuf;
 
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -55,14 +54,4 @@ fn jpeg(file: &[u8]) -> (usize, usize, Vec<u8>) {
     let bytes = decoder.decode().unwrap();
     let info = decoder.info().unwrap();
     (usize::from(info.width), usize::from(info.height), bytes)
-}
-
-/// Path of a file or folder of real data; prints a note that `test` is skipped if it is missing.
-pub(crate) fn real(path: &str, test: &str) -> Option<PathBuf> {
-    let found = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let found = PathBuf::from(found).join(path);
-    if !found.exists() {
-        println!("{test}: skipped, no shared/data/{path} beside the repository");
-    }
-    found.exists().then_some(found)
 }

@@ -16,7 +16,7 @@ pub(crate) struct Video {
 impl Video {
     /// Decodes frames with OpenCV; prints a note and returns `None` if the video or OpenCV is missing.
     pub(crate) fn open(first: usize, step: usize, count: usize) -> Option<Self> {
-        let path = Path::new(ROOT).join("../shared/data/perception/opencv_samples/vtest.avi");
+        let path = swerve_tests::data_folder().join("perception/opencv_samples/vtest.avi");
         let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
         let folder = tempfile::tempdir().unwrap();
         let mut call = Command::new(&python);
@@ -30,7 +30,10 @@ impl Video {
                 Some(Self { folder, numbers, size: [size[0], size[1]] })
             }
             _ => {
-                println!("skipped: needs {} and a Python with OpenCV (SWERVE_PYTHON)", path.display());
+                swerve_tests::skipped(&format!(
+                    "needs {} and a Python with OpenCV (SWERVE_PYTHON)",
+                    path.display()
+                ));
                 None
             }
         }

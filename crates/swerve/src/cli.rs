@@ -3,9 +3,11 @@
 use std::ffi::OsString;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use swerve_drive::{graph, process, scenarios, why};
+use swerve_drive::{graph, process, scenarios};
+use swerve_learn::{calibrate, dataset, train};
+use swerve_measure::{evaluate, map, track};
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, map, report, suite, track, train};
+use swerve_study::{report, suite};
 
 use swerve_reference::{keys, operators};
 
@@ -32,7 +34,7 @@ enum Command {
     /// Run scenarios with several seeds each and count the runs with the expected result
     Suite(suite::SuiteArgs),
     /// Explain the end of a logged run: from the instant an actor was first visible to the car's response
-    Why(why::WhyArgs),
+    Why(swerve_why::WhyArgs),
     /// Write the HTML report of a run or a study, or a comparison of two
     Report(report::ReportArgs),
     /// Recompute a log's streams and compare them, or recompute them with other settings
@@ -96,7 +98,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
         Command::Suite(args) => suite::run(args, registry),
-        Command::Why(args) => why::run(args, registry),
+        Command::Why(args) => swerve_why::run(args, registry),
         Command::Report(args) => report::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
@@ -118,6 +120,6 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
         Command::Worker => process::run_worker(registry),
-        Command::Transport => swerve_live::wire::run_transport(registry),
+        Command::Transport => swerve_live::orphan::run_transport(registry),
     }
 }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use clap::ArgGroup;
 use swerve_drive::overwrite::OverwriteArgs;
-use swerve_study::picture::MEGAPIXELS_MAX;
+use swerve_measure::picture::MEGAPIXELS_MAX;
 use swerve_vision::lanes::Method;
 
 /// `swerve look`.

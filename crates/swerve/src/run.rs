@@ -11,7 +11,6 @@ use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
-use swerve_drive::why::of_run;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
     set_up, story, title, trust,
@@ -28,6 +27,7 @@ use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
+use swerve_why::of_run;
 
 use crate::summary::Summary;
 

@@ -1,11 +1,11 @@
 //! A car that loses its position: from the last fix to the standstill.
 
 use swerve_core::{Span, Time};
-use swerve_drive::why::Logged;
 use swerve_eval::{Milestone, Verdict};
 use swerve_log::Log;
 use swerve_msg::{Command, GateMode, GateOutput, PoseMode, PoseQuality, StopCause};
 use swerve_stack::Registry;
+use swerve_why::Logged;
 
 use crate::common;
 

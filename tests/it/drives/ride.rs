@@ -1,10 +1,10 @@
 //! Comfort with an estimated pose: as smooth as with the true one, or a stop with a stated reason.
 
-use swerve_drive::why::Logged;
 use swerve_eval::Verdict;
 use swerve_log::Log;
 use swerve_msg::{EgoState, LocalPose, Plan, PlanStatus};
 use swerve_stack::Registry;
+use swerve_why::Logged;
 
 use crate::common;
 

@@ -146,12 +146,11 @@ const LARGE: usize = 384 << 20;
 mod tests {
     use super::*;
     use swerve_gpu::AdapterKind;
-    use swerve_gpu::testing::adapter_or_skip;
     use swerve_scene::Kind;
 
     #[test]
     fn meshes_are_stored_once_and_contiguously() {
-        let Some(gpu) = adapter_or_skip(Gpu::shared(AdapterKind::Software)) else { return };
+        let Some(gpu) = swerve_tests::or_skip(Gpu::shared(AdapterKind::Software)) else { return };
         let mut store = MeshStore::new(&gpu);
         let mut library = MeshLibrary::default();
         let [car, tree] = [Kind::Sedan, Kind::Tree].map(|kind| library.model(kind, 1).mesh);

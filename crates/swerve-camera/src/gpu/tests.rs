@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
 use swerve_geom::{Ego, Map, Point, Transform};
-use swerve_gpu::testing::adapter_or_skip;
 use swerve_gpu::{AdapterKind, Gpu};
 use swerve_scene::town::town;
 use swerve_scene::{Motion, Scene, WeatherPreset};
@@ -13,7 +12,7 @@ type Pose = Transform<Map, swerve_geom::Camera>;
 /// Device shared by tests: a GPU if available, else a software adapter.
 fn device() -> Option<Arc<Gpu>> {
     let tried = Gpu::shared(AdapterKind::Gpu).or_else(|_| Gpu::shared(AdapterKind::Software));
-    adapter_or_skip(tried)
+    swerve_tests::or_skip(tried)
 }
 
 fn looking(at: [f64; 3], pitch_rad: f64, yaw_rad: f64) -> Pose {
@@ -201,7 +200,7 @@ fn gpu_images_are_independent_of_earlier_passes() {
 #[test]
 fn renderer_falls_back_to_the_cpu_in_the_same_frame() {
     let Some(device) =
-        adapter_or_skip(Gpu::fresh(AdapterKind::Software).or_else(|_| Gpu::fresh(AdapterKind::Gpu)))
+        swerve_tests::or_skip(Gpu::fresh(AdapterKind::Software).or_else(|_| Gpu::fresh(AdapterKind::Gpu)))
     else {
         return;
     };

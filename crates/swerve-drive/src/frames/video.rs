@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn real_ffmpeg_writes_an_mp4() {
         let Some(ffmpeg) = find("ffmpeg", std::env::var_os("PATH").as_deref()) else {
-            eprintln!("skipped: no ffmpeg on this machine");
+            swerve_tests::skipped("no ffmpeg on this machine");
             return;
         };
         let folder = tempfile::tempdir().unwrap();

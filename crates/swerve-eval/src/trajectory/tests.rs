@@ -1,17 +1,10 @@
-use std::path::Path;
-
 use serde_json::Value;
 
 use super::*;
 
 /// First sequence of KITTI with two estimates, if available.
 fn poses(name: &str) -> Option<Vec<SpacePose>> {
-    let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let mut paths = folders.map(|folder| folder.join("shared/data/localization/metric_oracle").join(name));
-    let Some(path) = paths.find(|path| path.exists()) else {
-        eprintln!("skipped: no {name} under shared/data/localization/metric_oracle");
-        return None;
-    };
+    let path = swerve_tests::data_or_skip(&format!("localization/metric_oracle/{name}"))?;
     Some(SpacePose::from_kitti(&std::fs::read_to_string(path).unwrap()).unwrap())
 }
 

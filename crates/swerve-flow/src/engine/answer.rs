@@ -4,9 +4,8 @@ use std::sync::PoisonError;
 
 use swerve_core::Time;
 
-use super::node::Finished;
 use crate::operator::Offered;
-use crate::payload::Outs;
+use crate::sent::Outs;
 
 /// Data published for a stamp, besides the payloads.
 pub(super) struct Answer<'a> {
@@ -14,6 +13,15 @@ pub(super) struct Answer<'a> {
     pub(super) reused_from: Option<Time>,
     pub(super) origin: Option<Time>,
     pub(super) reads: &'a [Option<Time>],
+}
+
+/// A finished result.
+#[derive(Clone)]
+pub(crate) struct Finished {
+    pub(crate) stamp: Time,
+    pub(crate) origin: Option<Time>,
+    pub(crate) reads: Vec<Option<Time>>,
+    pub(crate) outs: Outs,
 }
 
 /// A step that has reached its modelled end.

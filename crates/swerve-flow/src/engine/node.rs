@@ -1,21 +1,23 @@
-//! The state of operators and streams during a run.
+//! The state of operators, streams and resources during a run.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 
 use swerve_core::{Span, Time};
 
-use super::answer::Answer;
+use super::answer::{Answer, Finished};
 use crate::deadline::Deadline;
+use crate::host::Begin;
 use crate::input::{Slot, Timer};
 use crate::message::{Header, Msg};
-use crate::operator::{Body, Offered, OnDeadline, Unusual};
-use crate::payload::{Decode, Outs};
+use crate::operator::{Body, Offered, OnDeadline, Task, Unusual, run_step};
+use crate::payload::Decode;
+use crate::pending::Pending;
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
-use crate::promise::Pending;
 use crate::report::{Lateness, OperatorReport};
 use crate::runtime::{Draw, RuntimeModel};
+use crate::sent::Outs;
 
 /// One operator during a run; its index is its rank.
 pub(crate) struct Node {
@@ -180,15 +182,6 @@ impl Ran {
     pub(crate) fn is_empty(&self) -> bool {
         self.outs.is_empty()
     }
-}
-
-/// A finished result.
-#[derive(Clone)]
-pub(crate) struct Finished {
-    pub(crate) stamp: Time,
-    pub(crate) origin: Option<Time>,
-    pub(crate) reads: Vec<Option<Time>>,
-    pub(crate) outs: Outs,
 }
 
 /// A port that joins on a stream.
@@ -367,4 +360,32 @@ impl AtPort {
         let index = self.queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
         self.queue.remove(index)
     }
+}
+
+/// A resource during a run.
+pub(crate) struct ResourceState {
+    pub(crate) slots: usize,
+    /// Operators that use it, by rank.
+    pub(crate) users: Vec<usize>,
+    /// True if a user had a turn in this sweep.
+    pub(crate) touched: bool,
+}
+
+/// Executes one step on the current thread; with `begin`, measures its host time from there.
+#[inline(always)]
+pub(super) fn run(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    begin: Option<Begin>,
+    ran: &mut Ran,
+) {
+    ran.panic = run_step(body, name, task, slots, &mut ran.outs);
+    ran.host_ns = begin.map_or(0, Begin::ns);
+    ran.units = task.meter.units;
+    if let Some(cut) = &task.meter.cut {
+        (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);
+    }
+    ran.unusual = task.unusual.take();
 }

@@ -11,11 +11,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-use super::node::Ran;
-use super::start::run;
+use super::node::{Ran, run};
 use crate::input::Slot;
 use crate::operator::{Body, Task};
-use crate::promise::Bell;
+use crate::pending::Bell;
 
 /// A step to be executed by a worker.
 pub(crate) struct Job {

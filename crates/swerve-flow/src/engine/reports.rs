@@ -6,10 +6,10 @@ use swerve_core::{Span, Time};
 
 use super::Engine;
 use super::node::Outcome;
-use crate::decision::Decision;
-use crate::observer::{DropReason, Event};
+use crate::decision::{Decision, DropReason};
+use crate::inbox::{Arrival, Report};
+use crate::observer::Event;
 use crate::playback::PlaybackRecord;
-use crate::wall::{Arrival, Report};
 
 impl Engine<'_> {
     /// Passes a decision to the observers, if this run takes decisions.

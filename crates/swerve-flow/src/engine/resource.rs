@@ -2,15 +2,6 @@
 
 use super::Engine;
 
-/// A resource during a run.
-pub(crate) struct ResourceState {
-    pub(crate) slots: usize,
-    /// Operators that use it, by rank.
-    pub(crate) users: Vec<usize>,
-    /// True if a user had a turn in this sweep.
-    pub(crate) touched: bool,
-}
-
 impl Engine<'_> {
     /// Records that a user of the operator's resource had a turn.
     pub(super) fn resources_touched(&mut self, rank: usize) {
@@ -108,7 +99,7 @@ impl Engine<'_> {
     fn start_next(&mut self, rank: usize) {
         for _ in 0..self.next_frame(rank) {
             let stamp = self.nodes[rank].discard(0);
-            self.drop_stamp(rank, stamp, crate::observer::DropReason::Skipped);
+            self.drop_stamp(rank, stamp, crate::decision::DropReason::Skipped);
         }
         self.start(rank, false);
     }

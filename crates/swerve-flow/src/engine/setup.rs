@@ -4,21 +4,21 @@ use std::collections::VecDeque;
 
 use swerve_core::{Span, Time, digest_of};
 
-use super::commit::Commits;
+use super::commits::Commits;
 use super::due::{Due, Ready};
-use super::node::{AtPort, LatestPort, Node, PortRef, Reader, StreamState, TimerPort};
+use super::node::{AtPort, LatestPort, Node, PortRef, Reader, ResourceState, StreamState, TimerPort};
 use super::pool::{Doorbell, Pool};
-use super::resource::ResourceState;
 use super::{Engine, Replay};
+use crate::alarm::Pace;
 use crate::deadline::Length;
 use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
-use crate::input::{Edge, PortSpec, Slot};
+use crate::input::{PortSpec, Slot};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::policy::{Late, Policy};
 use crate::report::{OperatorReport, RunError};
 use crate::runtime::RuntimeModel;
-use crate::wall::Pace;
+use crate::stream::Edge;
 
 impl<'o> Engine<'o> {
     pub(crate) fn new(

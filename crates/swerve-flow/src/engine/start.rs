@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use swerve_core::{Span, Time};
 
 use super::answer::{Answer, Ended};
-use super::node::{Outcome, PortRef, Ran, Run};
+use super::node::{Outcome, PortRef, Ran, Run, run};
 use super::pool::Job;
 use super::{Engine, Event, tell};
 use crate::deadline::{Anchor, Reaction};
@@ -17,11 +17,11 @@ use crate::host::Begin;
 use crate::input::Slot;
 use crate::message::Msg;
 use crate::observer::{Reads, StepStart};
-use crate::operator::{Body, Context, Cut, ErasedMiss, Meter, Offered, Task};
-use crate::payload::Outs;
+use crate::operator::{Cut, ErasedMiss, Meter, Offered, Task, said};
 use crate::promise::Workers;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
+use crate::sent::Outs;
 
 /// Maximum number of an operator's steps with unkept promises.
 const PROMISED_MAX: usize = 4;
@@ -418,45 +418,6 @@ impl Engine<'_> {
         }
         outs
     }
-}
-
-/// Executes one step on the current thread; with `begin`, measures its host time from there.
-#[inline(always)]
-pub(super) fn run(
-    body: &mut dyn Body,
-    name: &str,
-    task: &mut Task,
-    slots: &mut [Slot],
-    begin: Option<Begin>,
-    ran: &mut Ran,
-) {
-    ran.panic = step(body, name, task, slots, &mut ran.outs);
-    ran.host_ns = begin.map_or(0, Begin::ns);
-    ran.units = task.meter.units;
-    if let Some(cut) = &task.meter.cut {
-        (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);
-    }
-    ran.unusual = task.unusual.take();
-}
-
-/// Calls the operator's step; returns its panic message, if it panicked.
-#[inline]
-pub(crate) fn step(
-    body: &mut dyn Body,
-    name: &str,
-    task: &mut Task,
-    slots: &mut [Slot],
-    outs: &mut Outs,
-) -> Option<Box<str>> {
-    let mut cx = Context { name, task };
-    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, outs)));
-    result.err().map(|panic| said(&*panic).into())
-}
-
-/// Message of a panic.
-fn said(panic: &(dyn core::any::Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
 }
 
 fn offered() -> Offered {

@@ -2,16 +2,16 @@
 
 use swerve_core::{Span, Time};
 
-use super::answer::{Answer, Ended, Missed, Step, snapshot};
-use super::node::{Finished, Outcome, Ran, Run};
+use super::answer::{Answer, Ended, Finished, Missed, Step, snapshot};
+use super::node::{Outcome, Ran, Run};
 use super::{Engine, tell};
 use crate::deadline::{Anchor, Length, Reaction};
-use crate::decision::Decision;
-use crate::input::Edge;
-use crate::observer::{DropReason, Event, Miss, StepEnd};
+use crate::decision::{Decision, DropReason};
+use crate::observer::{Event, Miss, StepEnd};
 use crate::operator::ErasedMiss;
 use crate::policy::{Full, Policy};
 use crate::report::RunError;
+use crate::stream::Edge;
 
 impl Engine<'_> {
     /// Executes everything that is due for the operator at the current instant.

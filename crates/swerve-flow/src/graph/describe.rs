@@ -5,7 +5,8 @@ use swerve_core::Span;
 
 use super::{BodySpec, Graph, OperatorSpec};
 use crate::deadline::Length;
-use crate::input::{Edge, PortSpec};
+use crate::input::PortSpec;
+use crate::stream::Edge;
 
 /// Description of a graph: its operators in rank order.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,50 +1,13 @@
 //! Wiring by name: untyped handles, and operators whose ports are connected one by one.
 
-use super::{BodySpec, Feedback, FeedbackSpec, Graph, GraphError, OperatorRef, Stream};
+use super::{BodySpec, FeedbackSpec, Graph, OperatorRef};
 use crate::any::AnyOperator;
-use crate::input::{Edge, PortSpec, Ports};
+use crate::error::GraphError;
+use crate::input::{PortSpec, Ports};
 use crate::operator::{Operator, Typed, on_deadline};
-use crate::payload::{Payload, PayloadType};
+use crate::payload::PayloadType;
 use crate::port::{NamedInputs, NamedOutputs, OutputInfo, PortInfo, PortMode, Wire};
-
-/// A [`Stream`] whose type is known at run time only.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AnyStream {
-    pub(crate) id: usize,
-    pub(crate) payload: PayloadType,
-}
-
-/// A [`Feedback`] edge whose type is known at run time only.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AnyFeedback {
-    pub(crate) id: usize,
-    payload: PayloadType,
-}
-
-macro_rules! handle {
-    ($any:ident, $typed:ident) => {
-        impl $any {
-            /// Type of its messages.
-            pub fn payload(self) -> PayloadType {
-                self.payload
-            }
-
-            /// Returns the typed handle, if the type is `T`.
-            pub fn typed<T: Payload>(self) -> Option<$typed<T>> {
-                (self.payload == PayloadType::of::<T>()).then(|| $typed::new(self.id))
-            }
-        }
-
-        impl<T: Payload> From<$typed<T>> for $any {
-            fn from(handle: $typed<T>) -> Self {
-                Self { id: handle.id, payload: PayloadType::of::<T>() }
-            }
-        }
-    };
-}
-
-handle!(AnyStream, Stream);
-handle!(AnyFeedback, Feedback);
+use crate::stream::{AnyFeedback, AnyStream, Edge};
 
 impl Graph {
     /// Adds an operator whose ports have names. `wire` returns the source of each input port, and may add to the graph

@@ -4,7 +4,8 @@ use core::any::TypeId;
 use std::collections::BTreeMap;
 
 use super::{Event, Observer, Publication};
-use crate::payload::{Payload, Sent};
+use crate::payload::Payload;
+use crate::sent::Sent;
 
 type Handler<S> = Box<dyn FnMut(&mut S, &Publication<'_>, &Sent) + Send>;
 

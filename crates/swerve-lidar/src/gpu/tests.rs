@@ -1,6 +1,5 @@
 use swerve_geom::{Lidar, Map, Point, Transform};
 use swerve_gpu::AdapterKind;
-use swerve_gpu::testing::adapter_or_skip;
 use swerve_scene::town::town;
 use swerve_scene::{Instance, Kind, Scene, WeatherPreset};
 
@@ -10,7 +9,7 @@ use crate::{Cloud, Firing, LidarEngine, LidarPreset, LidarSpec};
 /// Device of any adapter, preferably hardware.
 fn device(fresh: bool) -> Option<Arc<Gpu>> {
     let open = if fresh { Gpu::fresh } else { Gpu::shared };
-    adapter_or_skip(open(AdapterKind::Software).or_else(|_| open(AdapterKind::Gpu)))
+    swerve_tests::or_skip(open(AdapterKind::Software).or_else(|_| open(AdapterKind::Gpu)))
 }
 
 fn pose(seconds: f64) -> Transform<Map, Lidar> {

@@ -7,7 +7,6 @@ use super::instances::{InstanceTree, PlacedInstance};
 use super::shape::{Shape, Surface};
 use crate::bvh::{NODE_WORDS, link};
 use crate::soup::BLOCK_WORDS;
-use crate::sweeper::ColumnPose;
 
 /// Words of a surface: instance id, class with flags, bits of the reflectance, unused.
 const SURFACE_WORDS: usize = 4;
@@ -20,6 +19,12 @@ const COLUMN_WORDS: usize = 16;
 const RETRO: u32 = 1 << 8;
 /// Flag above the class of a surface: the class is the material's own, not the instance's.
 const KEEPS_CLASS: u32 = 1 << 9;
+
+/// Pose of a column in the tree frame: origin, and the rotation of the beam directions, row by row.
+pub(crate) struct ColumnPose {
+    pub(crate) origin: [f32; 3],
+    pub(crate) matrix: [[f32; 3]; 3],
+}
 
 /// Words of one kind on a device or to be uploaded.
 #[derive(Debug, Default)]

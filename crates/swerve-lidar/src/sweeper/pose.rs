@@ -2,12 +2,7 @@
 
 use super::{Column, Firing, Piece, Sweeper};
 use crate::scene_tree::SceneTree;
-
-/// Pose of a column in the tree frame: origin, and the rotation of the beam directions, row by row.
-pub(crate) struct ColumnPose {
-    pub(crate) origin: [f32; 3],
-    pub(crate) matrix: [[f32; 3]; 3],
-}
+use crate::scene_tree::flat::ColumnPose;
 
 /// Sensor pose at a column's instant: origin, and rotation from its frame, row by row.
 struct SensorPose {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use swerve_core::{Span, Time};
@@ -23,6 +23,7 @@ use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
 
 use crate::engage::{Engagement, Situation};
 use crate::intake::Request;
+use crate::shared::lock;
 use crate::time::TopicClock;
 
 use super::writers::Writers;
@@ -69,11 +70,6 @@ pub(super) struct Moment {
 
 /// State shared between the engine's thread and the reader's.
 pub(super) type Shared = Arc<Mutex<Moment>>;
-
-/// Locks the shared state and ignores poisoning: its updates leave it consistent even after a panic.
-pub(super) fn lock(shared: &Mutex<Moment>) -> MutexGuard<'_, Moment> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Counts of the external stack's commands.
 #[derive(Clone, Debug, Default)]

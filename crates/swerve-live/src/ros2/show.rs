@@ -28,9 +28,10 @@ use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::VehicleParams;
 
 use super::Outbox;
-use super::drive::{Moment, Shared, lock};
+use super::drive::{Moment, Shared};
 use super::mounts::{Mount, Mounts, frame_of};
 use super::streams::Streams;
+use crate::shared::lock;
 
 /// Period of messages on `/clock`.
 const CLOCK_PERIOD: Span = Span::from_ms(10);

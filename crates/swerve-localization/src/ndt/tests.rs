@@ -1,5 +1,3 @@
-use std::path::Path;
-
 use nalgebra::{Isometry3, Vector3};
 use swerve_core::Rng;
 use swerve_geom::simd::both;
@@ -113,14 +111,7 @@ fn empty_and_invalid_scans_match_nothing() {
 /// small_gicp is 0.020 m and 0.383° from it on the same pair.
 #[test]
 fn street_sweeps_match_their_reference_pose() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .map(|folder| folder.join("shared/data/localization/registration_pair"))
-        .find(|path| path.exists());
-    let Some(folder) = folder else {
-        eprintln!("skipped: no shared/data/localization/registration_pair");
-        return;
-    };
+    let Some(folder) = swerve_tests::data_or_skip("localization/registration_pair") else { return };
     let cloud = |name: &str| ply::read(&std::fs::read(folder.join(name)).unwrap()).unwrap();
     let (source, target) = (downsampled(&cloud("source.ply"), 0.25), cloud("target.ply"));
     let text = std::fs::read_to_string(folder.join("T_target_source.txt")).unwrap();

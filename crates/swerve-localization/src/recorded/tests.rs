@@ -1,18 +1,9 @@
-use std::path::Path;
-
 use super::*;
 use crate::npz;
 
 /// The CARLA log, if available.
 fn log(name: &str) -> Option<Recorded> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .map(|folder| folder.join("shared/data/localization/carla_esekf").join(name))
-        .find(|path| path.exists());
-    let Some(path) = path else {
-        eprintln!("skipped: no {name} under shared/data/localization/carla_esekf");
-        return None;
-    };
+    let path = swerve_tests::data_or_skip(&format!("localization/carla_esekf/{name}"))?;
     let arrays = npz::read(&std::fs::read(path).unwrap()).unwrap();
     Some(Recorded::new(&arrays).unwrap())
 }

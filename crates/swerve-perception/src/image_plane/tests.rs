@@ -27,12 +27,8 @@ fn rows(path: &Path) -> Rows {
 /// for each of theirs, and no other boxes.
 #[test]
 fn sort_makes_the_tracks_of_its_authors() {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/mot15"));
-    let sequences = std::fs::read_dir(folder.join("det"));
-    let Ok(sequences) = sequences else {
-        eprintln!("skipped: no {}", folder.display());
-        return;
-    };
+    let Some(folder) = swerve_tests::data_or_skip("mot15") else { return };
+    let sequences = std::fs::read_dir(folder.join("det")).unwrap();
     let (mut boxes, mut equal) = (0, 0);
     for entry in sequences {
         let (found, expected) = (entry.unwrap().path(), folder.join("tracks"));

@@ -1,27 +1,22 @@
 //! Bird's-eye view.
 
-use swerve_core::{Span, Time};
+use swerve_core::Time;
 use swerve_geom::{Obb, Point2, math};
 use swerve_msg::ActorKind;
 
+use super::changes::{MOVED_M, changes};
 use super::labels::{Importance, Labels};
 use super::lights;
-use super::marks::{self, first_sight, label_height};
-use super::record::{ActorTrace, PlanMark, Shape, Story};
+use super::marks::{self, label_height};
+use super::moments::first_sight;
+use super::record::{ActorTrace, Story};
+use super::shapes::{outline, shape};
 use super::tracks;
 use super::view::View;
 use swerve_draw::{Anchor, At, Axes, Canvas, Color, Style, Text, color, width_of};
 
 /// Interval between outlines, ns.
 const OUTLINE_EVERY_NS: i64 = 500_000_000;
-/// Minimum time between drawn plan changes. An earlier change counts to the last one drawn, unless a path was found or
-/// lost.
-const SETTLED: Span = Span::from_ms(250);
-/// Maximum number of plans drawn; more cannot be distinguished.
-const PLANS_MAX: usize = 9;
-/// An ego that has moved less than this since the last drawn plan is considered stationary, metres.
-const MOVED_M: f64 = 0.3;
-
 /// Draws the road and the traffic on it.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     canvas.rect(view.corner, view.size, Style::fill(color::GROUND));
@@ -100,19 +95,6 @@ fn axes(canvas: &mut Canvas, view: &View) {
 /// Colour of an actor.
 pub(super) fn actor_color(kind: ActorKind) -> Color {
     if kind.is_person() { color::PERSON } else { color::VEHICLE }
-}
-
-pub(super) fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: Style) {
-    match shape {
-        Shape::Circle(center, radius_m) => {
-            canvas.circle(view.at(*center), (radius_m * view.scale).max(2.5), style);
-        }
-        Shape::Box(obb) => outline(canvas, view, obb, style),
-    }
-}
-
-pub(super) fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: Style) {
-    canvas.path(obb.corners().map(|corner| view.at(corner)), true, style);
 }
 
 /// Multiples of half a second within the view.
@@ -259,48 +241,6 @@ fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &Vie
     polyline(canvas, view, &way, Style::line(paint, 1.6));
 }
 
-/// Plan changes within the view.
-pub(super) struct Changes<'a> {
-    /// Drawn changes, in order of time.
-    pub(super) shown: Vec<&'a PlanMark>,
-    /// Number of further changes, each soon after a drawn one.
-    pub(super) left_out: usize,
-}
-
-/// Plan changes within the view that a reader can distinguish.
-pub(super) fn changes<'a>(story: &'a Story, view: &View) -> Changes<'a> {
-    let (from, to) = view.span;
-    // The first plan is not a change.
-    let marks = story.plans.iter().skip(1);
-    let inside: Vec<&PlanMark> = marks.filter(|mark| mark.at >= from && mark.at <= to).collect();
-    let mut gap = SETTLED;
-    loop {
-        // If paths are found and lost many times over, these changes are thinned as well.
-        let shown = settled(story, &inside, gap, gap == SETTLED);
-        if shown.len() <= PLANS_MAX {
-            return Changes { left_out: inside.len() - shown.len(), shown };
-        }
-        gap = gap * 2;
-    }
-}
-
-fn settled<'a>(story: &Story, marks: &[&'a PlanMark], gap: Span, found_or_lost: bool) -> Vec<&'a PlanMark> {
-    let place = |mark: &PlanMark| story.ego_at(mark.at).map(|ego| ego.pose.point());
-    let stands = |a, b| place(a).zip(place(b)).is_some_and(|(a, b)| a.distance(b) < MOVED_M);
-    let mut shown: Vec<&PlanMark> = Vec::new();
-    for mark in marks {
-        let is_fallback = |mark: &PlanMark| mark.plan.status.is_fallback();
-        let is_next = shown.last().is_none_or(|last| {
-            (mark.at - last.at >= gap && !stands(mark, last))
-                || (found_or_lost && is_fallback(mark) != is_fallback(last))
-        });
-        if is_next {
-            shown.push(mark);
-        }
-    }
-    shown
-}
-
 /// Note on plans from before the first sight of the protagonist: the other actors visible by then.
 pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
     let at = first_sight(story)?;
@@ -356,11 +296,4 @@ fn plan_numbers(labels: &mut Labels, story: &Story, view: &View) {
         let y = label_height(view, &story.outline.footprint(ego.pose), false) - 5.0;
         labels.badge((x, y), number, plan_color(&mark.plan));
     }
-}
-
-/// Draws a number in a filled circle.
-pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: Color) {
-    canvas.circle((x, y), 7.0, Style::fill(paint).outlined(color::PAPER, 1.0));
-    let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, ..Text::default() };
-    canvas.text((x, y + 3.6), number, how);
 }

@@ -3,7 +3,8 @@
 use swerve_eval::{Metrics, Verdict};
 use swerve_msg::ActorKind;
 
-use super::marks::{closest_at, first_sight};
+use super::changes::{Changes, changes};
+use super::moments::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
 use super::{birds_eye, panels, tracks};
@@ -130,7 +131,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     });
     add(has(true), person, if cyclists { "person, cyclist (s)" } else { "person (s)" });
     add(has(false), block(color::VEHICLE), "other vehicle");
-    let birds_eye::Changes { shown, left_out } = birds_eye::changes(story, view);
+    let Changes { shown, left_out } = changes(story, view);
     let has = |fallback: bool| shown.iter().any(|mark| mark.plan.status.is_fallback() == fallback);
     let changed = match left_out {
         0 => "changed plan".to_owned(),

@@ -116,7 +116,7 @@ impl Labels {
             if let Some(paint) = disc {
                 let Some(at) = free().next() else { continue };
                 taken.push(asked.room(at));
-                super::birds_eye::badge(canvas, at, text, *paint);
+                badge(canvas, at, text, *paint);
                 continue;
             }
             let crosses = |at: At| self.lines.iter().any(|line| is_crossed(&asked.room(at), *line));
@@ -190,4 +190,11 @@ fn overlap(a: &Room, b: &Room) -> bool {
 
 fn is_within(r: &Room, all: &Room) -> bool {
     r[0] >= all[0] && r[1] >= all[1] && r[2] <= all[2] && r[3] <= all[3]
+}
+
+/// Draws a number in a filled circle.
+pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: Color) {
+    canvas.circle((x, y), 7.0, Style::fill(paint).outlined(color::PAPER, 1.0));
+    let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, ..Text::default() };
+    canvas.text((x, y + 3.6), number, how);
 }

@@ -1,30 +1,14 @@
 //! Events of a story in the bird's-eye view: first sight, closest approach or collision.
 
-use swerve_core::{Span, Time};
-use swerve_eval::Milestone;
+use swerve_core::Time;
 use swerve_geom::Obb;
-use swerve_msg::EgoState;
 
-use super::birds_eye::{outline, shape};
 use super::labels::Labels;
+use super::moments::{closest_at, first_sight, left_road};
 use super::record::Story;
+use super::shapes::{outline, shape};
 use super::view::View;
 use swerve_draw::{Canvas, Style, color};
-
-/// Instant of the first sight of the protagonist, if after the start of the run.
-pub(super) fn first_sight(story: &Story) -> Option<Time> {
-    let start = story.ego.first()?.stamp;
-    let chain = story.why.as_ref().and_then(|why| why.at_s(Milestone::Visible));
-    let at = Time::ZERO + Span::from_secs(chain.or(story.protagonist()?.first_sight_s)?);
-    (at > start).then_some(at)
-}
-
-/// Instant of the collision, or else of the closest approach.
-pub(super) fn closest_at(story: &Story) -> Option<Time> {
-    let impact = story.metrics.as_ref()?.impact.map(|impact| impact.at_s);
-    let at_s = impact.or_else(|| story.protagonist().map(|hero| hero.min_distance_at_s))?;
-    Some(Time::ZERO + Span::from_secs(at_s))
-}
 
 /// Seconds as in metrics and pages: the nearest double, so that all of them round alike.
 fn seconds(at: Time) -> f64 {
@@ -79,11 +63,6 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
     let middle = view.at(footprint.center.point());
     labels.event((middle.0, label_height(view, &footprint, to.1 < middle.1)), label, paint);
     Some(())
-}
-
-/// State of the ego when it first left the road.
-pub(super) fn left_road(story: &Story) -> Option<EgoState> {
-    story.ego_at(Time::ZERO + Span::from_secs(story.metrics.as_ref()?.left_road_at_s?))
 }
 
 pub(super) fn off_road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {

@@ -5,9 +5,11 @@ use swerve_eval::{Milestone, WhyStep};
 use swerve_msg::EgoState;
 
 use super::birds_eye;
+use super::changes::changes;
 use super::collision_time::{HORIZON_S, series};
+use super::labels::badge;
 use super::lights;
-use super::marks::{closest_at, first_sight};
+use super::moments::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
 use swerve_draw::{Anchor, At, Axes, Canvas, Style, Text, color, width_of};
@@ -249,7 +251,7 @@ fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
             canvas.line((x, frame.corner.1), (x, frame.corner.1 + HEIGHT), style);
         }
     };
-    for mark in birds_eye::changes(story, view).shown {
+    for mark in changes(story, view).shown {
         let paint = birds_eye::plan_color(&mark.plan);
         line(mark.at, Style::line(paint, 1.0).lined_by(0.55));
     }
@@ -270,15 +272,10 @@ fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
 /// Draws the numbers of the plan changes above the first panel.
 fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
     let mut last = f64::NEG_INFINITY;
-    for (number, mark) in (1_usize..).zip(birds_eye::changes(story, view).shown) {
+    for (number, mark) in (1_usize..).zip(changes(story, view).shown) {
         let (x, _) = frame.at(mark.at.as_secs(), 0.0);
         let x = x.max(last + 17.0);
         last = x;
-        birds_eye::badge(
-            canvas,
-            (x, frame.corner.1 - 11.0),
-            &number.to_string(),
-            birds_eye::plan_color(&mark.plan),
-        );
+        badge(canvas, (x, frame.corner.1 - 11.0), &number.to_string(), birds_eye::plan_color(&mark.plan));
     }
 }

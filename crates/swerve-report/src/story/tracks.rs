@@ -1,6 +1,6 @@
 //! Tracks and predictions of the stack.
 
-use super::birds_eye::changes;
+use super::changes::changes;
 use super::labels::Labels;
 use super::record::Story;
 use super::view::View;

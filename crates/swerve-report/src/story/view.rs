@@ -193,7 +193,7 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     let lines = story.lights.iter().map(|light| light.stop_s_m);
     places.extend(lines.filter(|s| *s >= driven.0 && *s <= driven.1 + 10.0));
     // The place where the ego left the road is shown, too.
-    let left = super::marks::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
+    let left = super::moments::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
     let focus = [hero, left].into_iter().flatten().reduce(f64::max);
     places.extend(hero.into_iter().chain(left));
     let least = places.iter().copied().fold(f64::INFINITY, f64::min);
@@ -214,7 +214,7 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
         (from, to)
     };
     // The ego at the closest approach is always in view.
-    let nearest = super::marks::closest_at(story).and_then(|at| story.ego_at(at));
+    let nearest = super::moments::closest_at(story).and_then(|at| story.ego_at(at));
     let ego_m = nearest.map_or(from, |ego| line.project(ego.pose.point()).s_m);
     Some(with_bends(story, (from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)), driven))
 }

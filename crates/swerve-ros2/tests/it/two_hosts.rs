@@ -128,7 +128,7 @@ fn two_hosts_on_one_network_find_each_other() {
         Err(_) => {}
     }
     let Some(hosts) = Hosts::new() else {
-        println!("skipped: no `ip`, or no right to make network namespaces");
+        swerve_tests::skipped("no `ip`, or no right to make network namespaces");
         return;
     };
     let mut answer = hosts.run(1, "answer");

@@ -6,6 +6,7 @@ use anyhow::{Context as _, anyhow, bail, ensure};
 use swerve_camera::{Camera, Frame, Outputs, Renderer, View};
 use swerve_core::{Rng, Time};
 use swerve_geom::{Ego, Point, Point2, Pose2, Transform, Vector};
+use swerve_measure::labels::{VISIBLE_SHARE_MIN, street_mask_of, true_box};
 use swerve_msg::truth::{EgoTruth, Surroundings, WorldState};
 use swerve_msg::{ActorKind, Command, DetectedBox, Detections, Extent, Image};
 use swerve_perception::camera::Shot;
@@ -26,8 +27,6 @@ use swerve_vision::Rgb;
 use swerve_vision::segmentation::Segmenter;
 
 use super::{Measure, Timely, speed_mps};
-use crate::calibrate::detector::{VISIBLE_SHARE_MIN, true_box};
-use crate::train::segmentation::street_mask_of;
 
 /// Walking speed: that of Pylot's `ManyPedestrians`.
 const WALK_MPS: f64 = 1.4;

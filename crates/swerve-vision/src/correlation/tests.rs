@@ -1,7 +1,8 @@
 use swerve_geom::simd::both;
+use swerve_tests::data_or_skip;
 
 use super::*;
-use crate::samples::{Picture, real};
+use crate::samples::Picture;
 
 fn area([left, top, right, bottom]: [f64; 4]) -> Area {
     Area { middle: [(left + right) / 2.0, (top + bottom) / 2.0], size: [right - left, bottom - top] }
@@ -19,7 +20,7 @@ fn overlap(a: Area, b: Area) -> f64 {
 
 #[test]
 fn as_dlib_on_its_frames() {
-    let Some(folder) = real("perception/dlib/examples/video_frames", "correlation") else { return };
+    let Some(folder) = data_or_skip("perception/dlib/examples/video_frames") else { return };
     let boxes = include_str!("../../../../tests/reference/vision/correlation.json");
     let boxes: Vec<[f64; 4]> = serde_json::from_str(boxes).unwrap();
     let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());

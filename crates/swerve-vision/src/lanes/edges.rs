@@ -7,7 +7,8 @@ use swerve_geom::math;
 
 use super::fit::Road;
 use super::level::LevelView;
-use super::{LaneSettings, Mark};
+use super::line::Mark;
+use super::settings::LaneSettings;
 use crate::Plane;
 
 /// Hysteresis thresholds of the gradient, Sobel sums (grey levels over 8 pixels): an edge reaches the higher one

@@ -7,7 +7,8 @@
 use nalgebra::{Matrix3, Matrix5, SMatrix, Vector5};
 use swerve_geom::math;
 
-use super::{LaneLine, LaneSettings, Lanes, Mark};
+use super::line::{LaneLine, Lanes, Mark};
+use super::settings::LaneSettings;
 
 /// Lane relative to the camera.
 #[derive(Clone, Copy, PartialEq, Debug)]

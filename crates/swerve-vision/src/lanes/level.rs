@@ -1,8 +1,8 @@
 //! Level view: an image with lens distortion and mounting rotation removed.
 
-use swerve_geom::{Camera, Transform, Vector, math};
+use swerve_geom::math;
 
-use super::RoadCamera;
+use super::camera::{Lens, RoadCamera};
 use crate::{Plane, Rgb};
 
 /// Largest slope to the left and right: 60 degrees.
@@ -151,39 +151,5 @@ impl LevelView {
     /// Width of a mark in a row, pixels, for a camera pitched down by `pitch_rad` relative to its mounting.
     pub(super) fn mark_px(&self, row: usize, pitch_rad: f64, mark_m: f64) -> f64 {
         (self.down(row as f64) + pitch_rad).max(0.0) * mark_m * self.focal_px / self.height_m
-    }
-}
-
-/// Projection of rays of the level view to pixels of the camera.
-pub(super) struct Lens {
-    camera: RoadCamera,
-    camera_from_ego: Transform<Camera, swerve_geom::Ego>,
-    /// Squared radius beyond which the lens model folds rays back into the image.
-    radius2_max: f64,
-}
-
-impl Lens {
-    pub(super) fn new(camera: &RoadCamera) -> Self {
-        let [k1, k2, _, _, k3] = camera.distortion;
-        let grows = |r2: f64| 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0;
-        let radius2_max = (1..=400).map(|k| f64::from(k) * 0.02).find(|r2| !grows(*r2)).unwrap_or(1e3);
-        Self { camera: *camera, camera_from_ego: camera.ego_from_camera.inverse(), radius2_max }
-    }
-
-    /// Column and row, from the centre of the first pixel, of the ray with these slopes left and down per metre ahead;
-    /// `None` unless the image has four pixels around it.
-    pub(super) fn pixel(&self, [left, down]: [f64; 2]) -> Option<[f64; 2]> {
-        let ray = (self.camera_from_ego * Vector::new(1.0, left, -down)).coords;
-        let [x, y] = [ray.x / ray.z, ray.y / ray.z];
-        let r2 = x * x + y * y;
-        let [k1, k2, p1, p2, k3] = self.camera.distortion;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        let bent = [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ];
-        let at = [0, 1].map(|k| self.camera.focal_px[k] * bent[k] + self.camera.center_px[k] - 0.5);
-        let inside = |k: usize| at[k] >= 0.0 && at[k] + 1.0 < self.camera.size_px[k] as f64;
-        (ray.z > 0.0 && r2 < self.radius2_max && inside(0) && inside(1)).then_some(at)
     }
 }

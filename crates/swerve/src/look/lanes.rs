@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use serde::Serialize;
+use swerve_measure::picture::{Picture, Pictures};
 use swerve_report::output;
-use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::lanes::{LaneFinder, LaneLine, LaneSettings, Lanes, Method, RoadCamera};
 
 use super::LookArgs;

@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_geom::math;
+use swerve_measure::picture::{Picture, Pictures};
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
-use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
 
 use super::LookArgs;

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_drive::frames::overlay;
+use swerve_measure::picture::{Picture, Pictures};
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
-use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::segmentation::{Class, Segmenter};
 
 use super::LookArgs;

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use serde::Serialize;
+use swerve_measure::picture::Picture;
 use swerve_report::files::{refuse_to_replace, write_whole};
 use swerve_report::output;
-use swerve_study::picture::Picture;
 use swerve_vision::Plane;
 use swerve_vision::stereo::{Stereo, StereoSettings};
 

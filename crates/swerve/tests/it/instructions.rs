@@ -60,8 +60,7 @@ fn counts<'a>(calls: impl IntoIterator<Item = &'a str>) -> Vec<f64> {
 fn has_valgrind() -> bool {
     let found = Command::new("valgrind").arg("--version").output().is_ok();
     if !found {
-        assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and valgrind is not installed");
-        eprintln!("skipped: valgrind is not installed");
+        swerve_tests::skipped_without_tool("valgrind is not installed");
     }
     found
 }

@@ -3,7 +3,6 @@
 use std::process::Command;
 
 use serde_json::Value;
-use swerve_gpu::testing::adapter_or_skip;
 use swerve_gpu::{AdapterKind, Gpu};
 
 use crate::support::{Bench, SHORT, Said};
@@ -55,7 +54,7 @@ fn seed_varies_the_run_and_threads_do_not() {
 /// meanwhile.
 #[test]
 fn threads_do_not_change_the_images_of_an_adapter() {
-    if adapter_or_skip(Gpu::shared(AdapterKind::Software)).is_none() {
+    if swerve_tests::or_skip(Gpu::shared(AdapterKind::Software)).is_none() {
         return;
     }
     let bench = Bench::new();
@@ -188,7 +187,7 @@ fn traces_follow_their_format() {
     let reader = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/trace_events.py");
     let has_python = Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success());
     if !has_python {
-        println!("skipped: there is no python3");
+        swerve_tests::skipped("there is no python3");
         return;
     }
     let bench = Bench::new();

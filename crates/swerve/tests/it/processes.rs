@@ -1,7 +1,7 @@
 //! Runs over several processes of this program.
 //!
 //! `SWERVE_KILLS=50` kills that many workers at random moments, `SWERVE_SPLITS=20` drives that many random splits.
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a failed test says where, a skipped one why")]
+#![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -467,12 +467,12 @@ fn tunnel() -> Option<PathBuf> {
 #[ignore = "iceoryx2's tunnel"]
 fn run_over_two_hosts_equals_that_of_one_process() {
     let Some(tunnel) = tunnel() else {
-        println!("skipped: there is no iceoryx2 tunnel, see docs/howto/two_hosts.md");
+        swerve_tests::skipped("there is no iceoryx2 tunnel, see docs/howto/two_hosts.md");
         return;
     };
     let may = Command::new("ip").args(["netns", "list"]).output().is_ok_and(|out| out.status.success());
     if !may {
-        println!("skipped: no `ip`, or no right to make network namespaces");
+        swerve_tests::skipped("no `ip`, or no right to make network namespaces");
         return;
     }
     let out = tempfile::tempdir().unwrap();

@@ -10,7 +10,9 @@ fn study_runs_on_two_workers() {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
     let has_ray = Command::new(&python).args(["-c", "import ray"]).output().is_ok_and(|o| o.status.success());
     if !has_ray {
-        println!("skipped: {python} has no Ray (pip install ray; SWERVE_PYTHON names another Python)");
+        swerve_tests::skipped(&format!(
+            "{python} has no Ray (pip install ray; SWERVE_PYTHON names another Python)"
+        ));
         return;
     }
     let bench = Bench::new();

@@ -24,7 +24,7 @@ pub(crate) fn browser() -> Option<PathBuf> {
     let found = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
     let found = found.into_iter().find(|program| program.is_file());
     if found.is_none() {
-        eprintln!("skipped: no Chromium on the path");
+        swerve_tests::skipped("no Chromium on the path");
     }
     found
 }

@@ -7,14 +7,7 @@ use crate::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
 
 /// A folder of recorded tracks, if available.
 fn folder(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .map(|folder| folder.join("shared/data/prediction").join(name))
-        .find(|path| path.exists());
-    if path.is_none() {
-        eprintln!("skipped: no {name} under shared/data/prediction");
-    }
-    path
+    swerve_tests::data_or_skip(&format!("prediction/{name}"))
 }
 
 /// Distances of the likeliest modes from the truth by step, for each window.

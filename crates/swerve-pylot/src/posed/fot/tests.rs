@@ -37,13 +37,9 @@ struct Groups {
     fot: BTreeMap<String, BTreeMap<String, Recorded>>,
 }
 
-/// The problem file beside the repository, if it is there.
+/// The problem file, if it is among the test data.
 fn file() -> Option<(ProblemFile, Results)> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/planner_problems.json");
-    let Ok(text) = std::fs::read_to_string(path) else {
-        println!("skipped: no {path}");
-        return None;
-    };
+    let text = std::fs::read_to_string(swerve_tests::data_or_skip("planner_problems.json")?).unwrap();
     Some((serde_json::from_str(&text).unwrap(), serde_json::from_str(&text).unwrap()))
 }
 

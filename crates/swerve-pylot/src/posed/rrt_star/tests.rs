@@ -30,14 +30,9 @@ fn problems() -> [RrtStarProblem; 2] {
     ]
 }
 
-/// The shared problems, if they are next to the checkout.
+/// The shared problems, if they are among the test data.
 fn shared() -> Option<(ProblemFile, serde_json::Value)> {
-    let above = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let mut paths = above.map(|dir| dir.join("shared/data/planner_problems.json"));
-    let Some(text) = paths.find_map(|path| std::fs::read_to_string(path).ok()) else {
-        println!("skipped: no shared/data/planner_problems.json beside the checkout");
-        return None;
-    };
+    let text = std::fs::read_to_string(swerve_tests::data_or_skip("planner_problems.json")?).unwrap();
     Some((serde_json::from_str(&text).unwrap(), serde_json::from_str(&text).unwrap()))
 }
 

@@ -1,7 +1,5 @@
 //! Published detectors on a real video, the sequence PETS09-S2L1.
 
-use std::path::Path;
-
 use swerve_eval::{AveragePrecision, Found, Recalls};
 
 use crate::acf::{Detection, Overlap, Rung, Scanner, Weights, iou};
@@ -9,7 +7,7 @@ use crate::{Rgb, shipped, video::Video};
 
 /// Reference boxes of the frames, as published with the sequence.
 fn truth() -> Vec<(usize, [f64; 4])> {
-    let path = Path::new(crate::video::ROOT).join("../shared/data/mot15/det/PETS09-S2L1.csv");
+    let path = swerve_tests::data_folder().join("mot15/det/PETS09-S2L1.csv");
     let text = std::fs::read_to_string(path).unwrap();
     let line = |line: &str| {
         let numbers: Vec<f64> = line.split(',').filter_map(|n| n.parse().ok()).collect();
@@ -39,6 +37,7 @@ fn average_precision(weights: Weights, rung: Rung, video: &Video) -> f64 {
 #[ignore = "OpenCV"]
 fn published_models_find_the_people_of_pets() {
     let Some(video) = Video::open(5, 26, 31) else { return };
+    let Some(_boxes) = swerve_tests::data_or_skip("mot15/det") else { return };
     for (name, least) in [("acf_inria", 0.82), ("ldcf_inria", 0.82)] {
         let weights = shipped::detector(name).unwrap().unwrap();
         let of = |rung: &Rung| (rung.name.clone(), average_precision(weights.clone(), rung.clone(), &video));

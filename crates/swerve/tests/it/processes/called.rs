@@ -105,7 +105,7 @@ fn in_small_folders_as(
     let said = String::from_utf8_lossy(&said).into_owned();
     let refused = output.status.code() == Some(77) || said.contains("unshare failed");
     if refused {
-        println!("skipped: no small file system may be mounted here: {said}");
+        swerve_tests::skipped(&format!("no small file system may be mounted here: {said}"));
         return None;
     }
     Some((output.status.code(), said))

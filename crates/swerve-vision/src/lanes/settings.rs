@@ -1,0 +1,71 @@
+//! Settings of lane detection.
+
+use swerve_core::param::{ParamError, Ranges, require};
+
+/// Method of detecting lane markings.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Method {
+    /// Edges (Canny, PAMI 1986) on two straight lines (Hough; Duda and Hart, CACM 1972).
+    Hough,
+    /// Strips of paint width that are brighter than both neighbours and align along the road.
+    #[default]
+    Ridge,
+}
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 2] = [Self::Hough, Self::Ridge];
+
+    /// Name of the method.
+    pub fn name(self) -> &'static str {
+        ["hough", "ridge"][self as usize]
+    }
+}
+
+/// Settings of lane detection.
+#[derive(Clone, Copy, PartialEq, Debug, Ranges)]
+pub struct LaneSettings {
+    /// Detection method.
+    pub method: Method,
+    /// Width of a painted line, metres.
+    #[schemars(range(min = 0.02, max = 1.0))]
+    pub mark_m: f64,
+    /// Detection range from the camera, metres. A longer range detects curves earlier, from fewer pixels.
+    #[schemars(range(min = 10.0, max = 200.0))]
+    pub reach_m: f64,
+    /// Standard deviation of the pitch, radians; the search covers three of them.
+    #[schemars(range(min = 1e-4, max = 0.05))]
+    pub pitch_deviation_rad: f64,
+    /// Narrowest and widest lane, metres.
+    pub width_m: [f64; 2],
+}
+
+impl Default for LaneSettings {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            mark_m: 0.15,
+            reach_m: 50.0,
+            pitch_deviation_rad: 0.015,
+            width_m: [2.4, 4.8],
+        }
+    }
+}
+
+impl LaneSettings {
+    /// Checks that all values are in range.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        let [narrow, wide] = self.width_m;
+        self.check_ranges()?;
+        require("width_m", narrow, (1.0..=20.0).contains(&narrow), "a narrowest lane of 1 to 20 m")?;
+        require(
+            "width_m",
+            wide,
+            wide > narrow && wide <= 20.0,
+            "a widest lane beyond the narrowest, at most 20 m",
+        )
+    }
+}
