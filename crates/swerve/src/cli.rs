@@ -113,7 +113,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Train(args) => train::run(args, registry),
         Command::Look(args) => look::run(args),
         Command::Doctor(args) => doctor::run(args),
-        Command::New(args) => new::run(args),
+        Command::New(args) => new::run(args, registry),
         Command::Scenarios(args) => scenarios::run(args),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),

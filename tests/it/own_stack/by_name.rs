@@ -120,6 +120,41 @@ fn tracker_of_another_crate_is_used_by_name() {
     assert_eq!(name, expected);
 }
 
+/// Parameters with ranges, rungs with run times, the ladder, effect on the tracks.
+#[test]
+fn detector_of_another_crate_is_used_by_name() {
+    let camera = ["camera.front={width_px=320, height_px=160}", "operator.eye.kind=camera_objects"];
+    let named =
+        [camera[0], camera[1], "operator.eye.detector=colourful", "operator.tracker.reads={boxes=\"eye\"}"];
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&named, assignments].concat());
+    let metrics = drive(&[]);
+    assert_eq!(p50_ms(&metrics, "eye"), 12.0, "its last rung");
+    let blind = drive(&["operator.eye.params.colour_min=254"]);
+    assert_ne!(metrics.drive.speed_end_mps, blind.drive.speed_end_mps);
+    assert_eq!(p50_ms(&drive(&["operator.eye.rung=coarse"]), "eye"), 4.0);
+    assert_eq!(p50_ms(&drive(&["operator.eye.run_times_ms.fine=20"]), "eye"), 20.0);
+    let late = [
+        "operator.eye.ladder=true",
+        "execution.model=static_deadlines",
+        "execution.detector_ms=8",
+        "execution.planner_ms=50",
+    ];
+    assert_eq!(p50_ms(&drive(&late), "eye"), 4.0, "the rung that fits");
+    let problem = |wrong: &str| problem(&[&named, &[wrong][..]].concat());
+    let range = problem("operator.eye.params.colour_min=0");
+    assert_eq!(range, "--set: operator.eye.params.colour_min: expected 1 to 255, found 0");
+    let rung = problem("operator.eye.rung=fin");
+    assert_eq!(
+        rung,
+        "--set: operator.eye.rung: no rung `fin`; did you mean \"fine\"?; expected \"coarse\", \"fine\""
+    );
+    let name = problem("operator.eye.detector=colorful");
+    assert!(
+        name.contains("no detector `colorful`; did you mean \"colourful\"?; expected \"street\""),
+        "{name}"
+    );
+}
+
 /// Keys, run times, accuracy in the metrics.
 #[test]
 fn localizer_of_another_crate_is_used_by_name() {
@@ -147,9 +182,22 @@ fn keys_list_algorithms_of_another_crate() {
         ("control.controller", "pursuit"),
         ("prediction.predictor", "fading"),
         ("localization.localizer", "pulled"),
+        ("operator.NAME.detector", "colourful"),
     ] {
         let names = &keys.iter().find(|one| one.key == key).unwrap().choices;
         assert_eq!(names.last().unwrap().name, name);
+    }
+}
+
+/// Editors check and complete these names.
+#[test]
+fn schema_lists_algorithms_and_kinds_of_another_crate() {
+    let schema =
+        |registry| serde_json::to_string(&swerve_reference::FileKind::Config.schema(registry)).unwrap();
+    let (own, standard) = (schema(&registry()), schema(&swerve::Registry::standard()));
+    for name in ["cautious", "pursuit", "fading", "pulled", "slow_down"] {
+        let name = format!("\"{name}\"");
+        assert!(own.contains(&name) && !standard.contains(&name), "{name}");
     }
 }
 

@@ -141,6 +141,10 @@ pub(crate) type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> 
 /// If the folder has no such files, or a file cannot be read or has another format; the error names file, line and the
 /// expected content.
 pub(super) fn told(args: &PredictionArgs, registry: &Registry) -> anyhow::Result<String> {
+    let predictors = match &args.weights {
+        None => chosen(args, registry)?,
+        Some(_) => Vec::new(),
+    };
     let files = files::files(&args.dir, args.format)?;
     let protocol = protocol(args);
     let best_of = usize::from(args.best_of);
@@ -161,7 +165,7 @@ pub(super) fn told(args: &PredictionArgs, registry: &Registry) -> anyhow::Result
                 };
                 report(name.to_owned(), &by, &files, (&protocol, best_of))
             };
-            chosen(args, registry)?.into_iter().map(one).collect()
+            predictors.into_iter().map(one).collect()
         }
     };
     if args.json {
