@@ -19,6 +19,8 @@ use crate::common::{root, scenario_file, sets};
 mod cautious;
 #[path = "../../examples/own_stack/src/clear_ahead.rs"]
 mod clear_ahead;
+#[path = "../../examples/own_stack/src/colourful.rs"]
+mod colourful;
 #[path = "../../examples/own_stack/src/fading.rs"]
 mod fading;
 #[path = "../../examples/own_stack/src/nearest_ahead.rs"]
@@ -47,6 +49,7 @@ fn registry() -> Registry {
         .with_planner::<cautious::Cautious>()
         .with_controller::<pursuit::Pursuit>()
         .with_predictor::<fading::Fading>()
+        .with_detector::<colourful::Colourful>()
         .with_tracker::<nearest_box::NearestBox>()
         .with_localizer::<pulled::Pulled>()
         .with_view(clear_ahead::show)
@@ -180,6 +183,7 @@ fn each_of_their_files_is_short() {
     for name in [
         "cautious",
         "clear_ahead",
+        "colourful",
         "fading",
         "nearest_ahead",
         "nearest_box",

@@ -20,6 +20,7 @@ use serde::Serialize;
 use serde_json::Value;
 use swerve_report::files::read_whole;
 use swerve_report::output::align;
+use swerve_stack::Registry;
 
 use localization::LocalizationArgs;
 use prediction::PredictionArgs;
@@ -82,17 +83,17 @@ enum Format {
 ///
 /// # Errors
 /// If a file cannot be read or has another format; the error names file, line and the expected content.
-pub fn run(args: &EvalArgs) -> anyhow::Result<()> {
+pub fn run(args: &EvalArgs, registry: &Registry) -> anyhow::Result<()> {
     let (text, problem) = match &args.what {
         What::Registration(args) => registration::told(args)?,
-        _ => (result(args)?, None),
+        _ => (result(args, registry)?, None),
     };
     swerve_report::output::print(&text)?;
     problem.map_or(Ok(()), |problem| Err(anyhow!(problem)))
 }
 
 /// Text to print.
-fn result(args: &EvalArgs) -> anyhow::Result<String> {
+fn result(args: &EvalArgs, registry: &Registry) -> anyhow::Result<String> {
     match &args.what {
         What::Detection(DetectionArgs { format: Format::Coco, compared }) => {
             told(compared, &coco::evaluate(compared)?, coco::table)
@@ -111,7 +112,7 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
                 numbers(&[("", &report)])
             }
         }
-        What::Prediction(args) => prediction::told(args),
+        What::Prediction(args) => prediction::told(args, registry),
         What::Registration(args) => Ok(registration::told(args)?.0),
     }
 }

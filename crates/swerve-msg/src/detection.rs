@@ -31,6 +31,12 @@ pub struct DetectedBox {
 }
 
 impl DetectedBox {
+    /// Box on the ground, without edges in an image, covariance or speed.
+    pub fn on_ground(kind: ActorKind, score: f64, pose: Pose2<Ego>, extent: Extent) -> Self {
+        let (image_px, covariance_m2, radial_speed_mps) = (None, None, None);
+        Self { kind, score, pose, bottom_m: 0.0, extent, image_px, covariance_m2, radial_speed_mps }
+    }
+
     /// Returns true if pose and size are finite, the size is positive, and the image edges and covariance, where
     /// present, are valid.
     pub fn is_finite(&self) -> bool {

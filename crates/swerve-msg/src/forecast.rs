@@ -59,6 +59,23 @@ impl Forecast {
     }
 }
 
+impl From<&PredictionList> for ForecastList {
+    /// Groups consecutive predictions of one actor to the modes of a forecast, with zero covariances.
+    fn from(list: &PredictionList) -> Self {
+        let pose = |at: &PredictedPose| ForecastPose { at: at.at, pose: at.pose, covariance_m2: [0.0; 3] };
+        let mode = |one: &Prediction| Mode {
+            probability: one.probability,
+            path: one.path.iter().map(pose).collect(),
+        };
+        let of_one = |modes: &[Prediction]| {
+            let Prediction { id, kind, extent, .. } = modes[0];
+            Forecast { id, kind, extent, modes: modes.iter().map(mode).collect() }
+        };
+        let by_actor = list.predictions.chunk_by(|a, b| a.id == b.id);
+        Self { stamp: list.stamp, forecasts: by_actor.map(of_one).collect(), joint: false }
+    }
+}
+
 impl From<&ForecastList> for PredictionList {
     /// Converts each mode to a prediction with its probability, grouped by actor. Drops covariances.
     fn from(list: &ForecastList) -> Self {

@@ -64,6 +64,35 @@ pub enum ShotError {
     /// Image size that does not match its number of bytes.
     #[error(transparent)]
     Size(#[from] ImageError),
+    /// Reason of a custom detector.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// A detector of objects in the images of one camera.
+pub trait CameraDetector: Send {
+    /// Detects the objects of an image, by falling score, and replaces the content of `out`: boxes on the ground, in the
+    /// ego frame at the image's stamp. `tracks` are present for a detector that searches around them.
+    ///
+    /// # Errors
+    /// If the image cannot be processed; this ends the run.
+    fn detect(
+        &mut self,
+        shot: &Shot<'_>,
+        tracks: Option<&TrackList>,
+        out: &mut Detections,
+    ) -> Result<(), ShotError>;
+}
+
+impl CameraDetector for CameraObjects {
+    fn detect(
+        &mut self,
+        shot: &Shot<'_>,
+        tracks: Option<&TrackList>,
+        out: &mut Detections,
+    ) -> Result<(), ShotError> {
+        self.detect(shot, tracks, out)
+    }
 }
 
 /// Detects objects in images. Stateless except for reused buffers, unless the rung does not search each image

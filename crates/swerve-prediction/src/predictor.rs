@@ -31,6 +31,11 @@ pub trait Predictor: Send {
     /// Predicts the motion of every track, in the map frame: poses at the instants of `horizon` after the list's stamp,
     /// the pose at the stamp first.
     fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList;
+
+    /// Predicts with covariances, for evaluation; zero covariances if the predictor has none.
+    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
+        ForecastList::from(&self.predict(tracks, horizon, ground))
+    }
 }
 
 /// Name of a built-in predictor.

@@ -6,6 +6,7 @@
 
 pub mod fot;
 pub mod hybrid_astar;
+pub mod road;
 pub mod rrt_star;
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use swerve_report::files::write_whole;
+use swerve_stack::Registry;
 
 use crate::FileKind;
 
@@ -27,15 +28,15 @@ include = ["timing*.toml", "timing/*.toml"]
 schema = { path = ".schemas/timing.json", enabled = true }
 "#;
 
-/// Writes the editor files into a folder: the kinds of its files, and their schemas.
+/// Writes the editor files into a folder: the kinds of its files, and their schemas with the names of the registry.
 ///
 /// # Errors
 /// If they cannot be written.
-pub fn write_for_editors(folder: &Path) -> anyhow::Result<()> {
+pub fn write_for_editors(folder: &Path, registry: &Registry) -> anyhow::Result<()> {
     let schemas = folder.join(".schemas");
     std::fs::create_dir_all(&schemas).with_context(|| format!("making {}", schemas.display()))?;
     for kind in FileKind::ALL {
-        let text = serde_json::to_string_pretty(&kind.schema())? + "\n";
+        let text = serde_json::to_string_pretty(&kind.schema(registry))? + "\n";
         write_whole(&schemas.join(format!("{}.json", kind.name())), text.as_bytes())?;
     }
     write_whole(&folder.join(".taplo.toml"), EDITOR.as_bytes())

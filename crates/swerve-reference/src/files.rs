@@ -5,6 +5,7 @@
 
 use schemars::{Schema, schema_for};
 use serde_json::Value;
+use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_study::grid::StudyFile;
 
@@ -37,10 +38,10 @@ impl FileKind {
         }
     }
 
-    /// JSON schema.
-    pub fn schema(self) -> Schema {
+    /// JSON schema, with the names of the registry.
+    pub fn schema(self, registry: &Registry) -> Schema {
         match self {
-            Self::Config => config(),
+            Self::Config => config(registry),
             Self::Scenario => {
                 serde_json::from_str(include_str!("scenario.json")).expect("a test reads the same file")
             }
@@ -51,11 +52,11 @@ impl FileKind {
 }
 
 /// Schema of a configuration. No key is required: an omitted one has a default, or is in another one of several files.
-fn config() -> Schema {
+fn config(registry: &Registry) -> Schema {
     let mut schema = schema_for!(Config).to_value();
     require_nothing(&mut schema, false);
     let mut schema = Schema::try_from(schema).expect("a schema with less in it is one");
-    limits::narrow(&mut schema);
+    limits::narrow(&mut schema, registry);
     schema
 }
 

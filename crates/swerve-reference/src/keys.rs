@@ -40,11 +40,11 @@ pub struct KeysArgs {
 /// If there is no key of that name.
 pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(kind) = args.schema {
-        return print(&(serde_json::to_string_pretty(&kind.schema())? + "\n"));
+        return print(&(serde_json::to_string_pretty(&kind.schema(registry))? + "\n"));
     }
     let (all, others): (Vec<Key>, &[FileKind]) = match args.of.unwrap_or(FileKind::Config) {
         FileKind::Config => (keys(registry), &[FileKind::Scenario, FileKind::Study, FileKind::Timing]),
-        kind => (of_file(kind), &[]),
+        kind => (of_file(kind, registry), &[]),
     };
     let Some(asked) = &args.prefix else { return told(args, &all.iter().collect::<Vec<_>>()) };
     let found = find(&all, asked);
@@ -52,7 +52,7 @@ pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
         return told(args, &found);
     }
     for kind in others.iter().filter(|_| args.of.is_none()) {
-        let of_other = of_file(*kind);
+        let of_other = of_file(*kind, registry);
         let found = find(&of_other, asked);
         if !found.is_empty() {
             eprintln!("no key of a configuration; of a {} file:", kind.name());
@@ -72,8 +72,8 @@ fn told(args: &KeysArgs, found: &[&Key]) -> anyhow::Result<()> {
 }
 
 /// Every key of another file; an entry of an array of tables is `NAME`.
-fn of_file(kind: FileKind) -> Vec<Key> {
-    schema::keys(&kind.schema(), "", None, Arrays::Within)
+fn of_file(kind: FileKind, registry: &Registry) -> Vec<Key> {
+    schema::keys(&kind.schema(registry), "", None, Arrays::Within)
 }
 
 /// Every key of a configuration.
@@ -85,6 +85,8 @@ pub fn keys(registry: &Registry) -> Vec<Key> {
         key.choices.extend(custom(key, registry));
     }
     keys.extend(params::keys(registry));
+    let detector = keys.iter_mut().filter(|key| key.key == "operator.NAME.detector");
+    detector.for_each(|key| key.choices.extend(custom(key, registry)));
     // Kinds with common keys, such as those of `[operator.NAME]`, are listed in one place.
     keys.sort_by(|a, b| (&a.key, &a.only_with).cmp(&(&b.key, &b.only_with)));
     keys
@@ -99,14 +101,8 @@ fn kinds(key: &str, registry: &Registry) -> Vec<Choice> {
 
 /// Algorithms of the registry beyond the built-in ones, which the type of the key lists.
 fn custom(key: &Key, registry: &Registry) -> Vec<Choice> {
-    let names: Vec<&str> = match key.key.as_str() {
-        "control.controller" => registry.controllers().collect(),
-        "localization.localizer" => registry.localizers().collect(),
-        "planning.planner" => registry.planners().collect(),
-        "prediction.predictor" => registry.predictors().collect(),
-        _ => Vec::new(),
-    };
-    let custom = names.into_iter().filter(|name| key.choices.iter().all(|choice| choice.name != *name));
+    let names = limits::algorithms(&key.key, registry).into_iter();
+    let custom = names.filter(|name| key.choices.iter().all(|choice| choice.name != *name));
     custom.map(|name| Choice { name: name.to_owned(), doc: String::new() }).collect()
 }
 
@@ -285,7 +281,7 @@ mod tests {
         assert!(found("clear_noon").contains(&"render.weather".to_owned()));
         assert!(found("added_latency").contains(&"planning.added_latency_ms".to_owned()));
         assert!(found("sim").len() > 3 && found("planing.planer").is_empty());
-        let of_scenarios = of_file(FileKind::Scenario);
+        let of_scenarios = of_file(FileKind::Scenario, &Registry::standard());
         let verdict = find(&of_scenarios, "expect.verdict")[0];
         let stopped = verdict.choices.iter().find(|one| one.name == "stopped").unwrap();
         assert!(stopped.doc.contains("stood safely"), "{verdict:?}");
@@ -293,7 +289,7 @@ mod tests {
         assert_eq!((verdict.form.as_str(), verdict.doc.as_str()), ("name", "How the run goes."));
         assert!(!find(&of_scenarios, "actor.NAME.s_m").is_empty(), "entries of arrays are listed");
         for kind in [FileKind::Study, FileKind::Timing] {
-            assert!(of_file(kind).len() > 10, "{kind:?}");
+            assert!(of_file(kind, &Registry::standard()).len() > 10, "{kind:?}");
         }
     }
 }

@@ -1,23 +1,45 @@
 //! Valid names of a text, where its type does not contain them.
 
 use schemars::Schema;
-use serde_json::Value;
+use serde_json::{Value, json};
 use swerve_scene::WeatherPreset;
+use swerve_stack::Registry;
 use swerve_stack::config::detectors;
 
 use crate::key::Choice;
 use crate::schema::{Arrays, keys_with_places};
 
-/// Adds these names to the schema of a configuration.
-pub(crate) fn narrow(schema: &mut Schema) {
+/// Adds these names, those of operator kinds, and those of algorithms of the registry to the schema of a configuration.
+pub(crate) fn narrow(schema: &mut Schema, registry: &Registry) {
     let mut whole = schema.clone().to_value();
     for (key, place) in keys_with_places(schema, "", None, Arrays::Whole) {
-        let names = accepted_names(&key.key);
-        if let Some(Value::Object(node)) = whole.pointer_mut(&place).filter(|_| !names.is_empty()) {
+        let mut names = accepted_names(&key.key);
+        if key.key == "operator.NAME.kind" {
+            names.extend(registry.kinds().map(|kind| kind.node().kind.to_owned()));
+        }
+        let Some(Value::Object(node)) = whole.pointer_mut(&place) else { continue };
+        if !names.is_empty() {
             node.insert("enum".to_owned(), names.into());
+        }
+        if let Some(Value::Array(choices)) = node.get_mut("oneOf") {
+            let is_known = |name: &str| key.choices.iter().any(|choice| choice.name == name);
+            let custom = algorithms(&key.key, registry).into_iter().filter(|name| !is_known(name));
+            choices.extend(custom.map(|name| json!({ "type": "string", "const": name })));
         }
     }
     *schema = Schema::try_from(whole).expect("a schema with more in it is one");
+}
+
+/// Names of the algorithms that a key can name; the type of the key lists the built-in ones.
+pub(crate) fn algorithms(key: &str, registry: &Registry) -> Vec<&'static str> {
+    match key {
+        "control.controller" => registry.controllers().collect(),
+        "localization.localizer" => registry.localizers().collect(),
+        "operator.NAME.detector" => registry.detectors().collect(),
+        "planning.planner" => registry.planners().collect(),
+        "prediction.predictor" => registry.predictors().collect(),
+        _ => Vec::new(),
+    }
 }
 
 /// Complete list of valid names of a text, where the type does not contain them.

@@ -9,6 +9,7 @@ pub mod assembly;
 pub mod config;
 mod controllers;
 pub mod course;
+mod detectors;
 pub mod faults;
 mod kind;
 mod localizers;
@@ -26,6 +27,7 @@ mod trackers;
 
 pub use assembly::Assembly;
 pub use controllers::{ControllerSetup, NamedController};
+pub use detectors::{DetectorSetup, NamedDetector};
 pub use kind::{
     Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
     time_of_ms,

@@ -50,6 +50,11 @@ impl<T: ?Sized> Named<T> {
         self.0.iter().find(|(known, _)| *known == name).map(|(_, algorithm)| &**algorithm)
     }
 
+    /// The same, shared.
+    pub(crate) fn shared(&self, name: &str) -> Option<Arc<T>> {
+        self.0.iter().find(|(known, _)| *known == name).map(|(_, algorithm)| algorithm.clone())
+    }
+
     /// All names.
     pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
         self.0.iter().map(|(name, _)| *name)

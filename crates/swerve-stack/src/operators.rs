@@ -74,7 +74,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(lidar::Lidars)
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
-        .with_kind(camera_objects::CameraDetector)
+        .with_kind(camera_objects::CameraObjects)
         .with::<lidar_objects::Objects>()
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()

@@ -31,7 +31,7 @@ pub struct PlannerDefaults {
 /// A motion planner that `planning.planner` can name.
 ///
 /// [`Registry::with_planner`](crate::Registry::with_planner) adds one. It then has everything that built-in planners have:
-/// the comfort layer, the predicted start, run times, deadlines and studies.
+/// the comfort layer, the predicted start, run times, deadlines, studies and `swerve plan`.
 pub trait NamedPlanner: Planner + Sized + 'static {
     /// Name in `planning.planner`.
     const NAME: &'static str;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::ParamError;
-use swerve_msg::{PredictionList, TrackList};
+use swerve_msg::{ForecastList, PredictionList, TrackList};
 use swerve_prediction::learned::Weights;
 use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, forecast, forecast_by, linear, road};
 use swerve_text::{KeyProblem, overridden};
@@ -25,7 +25,7 @@ pub struct PredictorSetup<'a> {
 /// A predictor that `prediction.predictor` can name.
 ///
 /// [`Registry::with_predictor`](crate::Registry::with_predictor) adds one. It then predicts in drives and studies, with
-/// run times, as built-in predictors do.
+/// run times, and in `swerve eval prediction`, as built-in predictors do.
 pub trait NamedPredictor: Predictor + Sized + 'static {
     /// Name in `prediction.predictor`.
     const NAME: &'static str;
@@ -76,6 +76,10 @@ impl Predictor for Linear {
         }
         list
     }
+
+    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
+        forecast(PredictorName::Linear, tracks, horizon, ground)
+    }
 }
 
 impl NamedPredictor for Linear {
@@ -105,10 +109,14 @@ impl<const NAME: usize> BuiltIn<NAME> {
 
 impl<const NAME: usize> Predictor for BuiltIn<NAME> {
     fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
-        PredictionList::from(&match &self.0 {
+        PredictionList::from(&self.forecast(tracks, horizon, ground))
+    }
+
+    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
+        match &self.0 {
             Some(weights) => forecast_by(weights, tracks, horizon, ground),
             None => forecast(Self::OF, tracks, horizon, ground),
-        })
+        }
     }
 }
 

@@ -14,11 +14,13 @@ use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::waypoint::Waypoint;
 use swerve_prediction::PredictorName;
+use swerve_vision::shipped;
 
 use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::perception::CUSTOM;
 use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
+use crate::detectors::{AnyDetector, ByWeights, NamedDetector};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odometry};
@@ -35,6 +37,7 @@ pub struct Registry {
     pub(crate) planners: Named<dyn AnyPlanner>,
     pub(crate) controllers: Named<dyn AnyController>,
     pub(crate) predictors: Named<dyn AnyPredictor>,
+    pub(crate) detectors: Named<dyn AnyDetector>,
     pub(crate) trackers: Named<dyn AnyTracker>,
     pub(crate) localizers: Named<dyn AnyLocalizer>,
     corruptible: Vec<CorruptibleType>,
@@ -53,12 +56,14 @@ impl Registry {
                 planners: Named::default(),
                 controllers: Named::default(),
                 predictors: Named::default(),
+                detectors: Named::default(),
                 trackers: Named::default(),
                 localizers: Named::default(),
                 corruptible: Vec::new(),
                 views: Vec::new(),
             };
             operators::all(empty)
+                .with_shipped_detectors()
                 .with_planner::<Fot>()
                 .with_planner::<RrtStar>()
                 .with_planner::<HybridAstar>()
@@ -138,6 +143,26 @@ impl Registry {
     /// Names of all predictors.
     pub fn predictors(&self) -> impl Iterator<Item = &'static str> {
         self.predictors.names()
+    }
+
+    /// Adds a camera detector, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_detector<D: NamedDetector>(mut self) -> Self {
+        self.detectors.insert(D::NAME, Arc::new(Of::<D>::new()));
+        self
+    }
+
+    /// Adds the detectors whose weights are in the program.
+    fn with_shipped_detectors(mut self) -> Self {
+        for name in shipped::names() {
+            self.detectors.insert(name, Arc::new(ByWeights(name.into())));
+        }
+        self
+    }
+
+    /// Names of all camera detectors, besides files of weights.
+    pub fn detectors(&self) -> impl Iterator<Item = &'static str> {
+        self.detectors.names()
     }
 
     /// Adds a tracker, or replaces the one of the same name.

@@ -177,7 +177,7 @@ impl Timely {
             true => 1.0,
             false => match CameraObjectsTable::first(config) {
                 Some(table) => {
-                    let time = table.run_time(&table.rung);
+                    let time = table.run_time(&config.registry);
                     time.with_context(|| format!("rung `{}` has no measured run time", table.rung))?
                         .typical_ms()
                 }

@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use swerve_drive::shipped::{Shipped, shipped};
 use swerve_reference::editor::write_for_editors;
 use swerve_report::output::quoted;
+use swerve_stack::Registry;
 
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
@@ -30,7 +31,7 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
 ///
 /// # Errors
 /// If the folder is not empty or cannot be written.
-pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
+pub(crate) fn run(args: &NewArgs, registry: &Registry) -> anyhow::Result<()> {
     let folder = &args.folder;
     let making = || format!("making {}", folder.display());
     std::fs::create_dir_all(folder).with_context(making)?;
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
         let text = file.text.replace("# SWERVE\n", &dependencies(checkout));
         swerve_report::files::write_whole(&path, text.as_bytes())?;
     }
-    write_for_editors(folder)?;
+    write_for_editors(folder, registry)?;
     let names: Vec<&str> = TEMPLATE.iter().map(name).collect();
     let shown = folder.display();
     swerve_report::output::print(&format!(

@@ -1,8 +1,9 @@
 //! `swerve plan`: runs planners on posed problems, without a simulated world.
 //!
 //! A problem file is JSON: `configs` with named settings per planner, `problems` per planner (see
-//! [`swerve_pylot::posed`]); other keys are ignored. Every problem is solved with one of the configurations. The output
-//! is a table or JSON, and a picture of each problem.
+//! [`swerve_pylot::posed`]); other keys are ignored. Every problem is solved with one of the configurations. Planners
+//! without an entry in the file's format solve the road problems, those of `fot`, with the settings of a drive. The
+//! output is a table or JSON, and a picture of each problem.
 
 mod picture;
 mod read;
@@ -12,7 +13,7 @@ mod tests;
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
@@ -21,11 +22,12 @@ use swerve_pylot::posed::{CLEARANCE_CAP_M, ProblemFile, Solution};
 use swerve_report::files::write_whole;
 use swerve_report::output::{self, align, quoted};
 use swerve_report::page::{Figures, Page};
+use swerve_stack::Registry;
 
-pub use read::{Posed, read};
+pub use read::{Named, Posed, read};
 pub use solve::{REPEATS, solve_all};
 
-/// Planner that solves the problems.
+/// Planner with problems of its format.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub enum PosedPlanner {
@@ -38,6 +40,11 @@ pub enum PosedPlanner {
 }
 
 impl PosedPlanner {
+    /// Planner of this name.
+    fn named(name: &str) -> Option<Self> {
+        Self::value_variants().iter().copied().find(|planner| planner.name() == name)
+    }
+
     /// Name in problem files and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
@@ -60,12 +67,16 @@ enum PresetName {
 pub struct PlanArgs {
     /// Problem file (JSON), or the name of a built-in one: detour
     file: PathBuf,
-    /// Planner
-    #[arg(long, value_enum)]
-    planner: PosedPlanner,
+    /// Planner: fot, rrt_star, hybrid_astar with problems of their formats; any other that planning.planner can name
+    /// solves the problems of fot
+    #[arg(long, value_name = "NAME")]
+    planner: String,
     /// Entry of the file's `configs` for that planner, as in planning.discretisation: fast, slow
     #[arg(long, value_name = "NAME")]
     discretisation: String,
+    /// Set a key of the configuration, for planners without `configs` (planning.params.KEY=VALUE)
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Limits and behaviour: paper (the original's) or best (Swerve's)
     #[arg(long, value_enum, default_value = "best")]
     preset: PresetName,
@@ -90,14 +101,28 @@ pub struct PlanArgs {
 /// If the file cannot be read or is not a problem file (with file and line), if it has no such configuration (with the
 /// nearest name) or no problem for the planner, if a number of a problem or of its settings is out of range (reported
 /// after the other problems are solved and printed), or if a picture cannot be written.
-pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
+pub fn run(args: &PlanArgs, registry: &Registry) -> anyhow::Result<()> {
     let preset = match args.preset {
         PresetName::Paper => Preset::Paper,
         PresetName::Best => Preset::Best,
     };
     let file = read(&args.file)?;
-    let posed = read::select(&file, args.planner, &args.discretisation)
-        .with_context(|| args.file.display().to_string())?;
+    let config;
+    let posed = match PosedPlanner::named(&args.planner) {
+        Some(planner) => {
+            ensure!(
+                args.set.is_empty(),
+                "--set: {} takes its settings from the file's `configs`",
+                args.planner
+            );
+            read::select(&file, planner, &args.discretisation)
+        }
+        None => {
+            config = read::config(args, registry)?;
+            read::on_road(&file, &config, &args.discretisation).map(Posed::Named)
+        }
+    };
+    let posed = posed.with_context(|| args.file.display().to_string())?;
     args.overwrite.check(args.report.as_deref())?;
     let solutions = solve_all(&file, &posed, preset);
     if let Some(folder) = &args.pictures {
@@ -136,14 +161,15 @@ fn picture_name(k: usize, id: &str) -> String {
 }
 
 fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
-    let (planner, config, path) =
-        (args.planner.name(), &args.discretisation, args.file.display().to_string());
+    let (planner, config, path) = (&args.planner, &args.discretisation, args.file.display().to_string());
     let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
+    let sets: String = args.set.iter().map(|set| format!(" --set {}", quoted(set))).collect();
     let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s).svg());
     let figures = Figures {
         command: format!(
-            "swerve plan {} --planner {planner} --discretisation {}{preset}",
+            "swerve plan {} --planner {} --discretisation {}{preset}{sets}",
             quoted(&path),
+            quoted(planner),
             quoted(config)
         ),
         columns: COLUMNS.map(str::to_owned).to_vec(),
@@ -180,8 +206,8 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
     format!(
         "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",
         align(&lines),
-        args.planner.name(),
-        &args.discretisation,
+        args.planner,
+        args.discretisation,
         solutions.len(),
         at(0.5),
         at(0.99),

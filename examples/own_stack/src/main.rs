@@ -2,6 +2,7 @@
 
 mod cautious;
 mod clear_ahead;
+mod colourful;
 mod fading;
 mod nearest_ahead;
 mod nearest_box;
@@ -21,6 +22,7 @@ fn main() -> ExitCode {
             .with_planner::<cautious::Cautious>()
             .with_controller::<pursuit::Pursuit>()
             .with_predictor::<fading::Fading>()
+            .with_detector::<colourful::Colourful>()
             .with_tracker::<nearest_box::NearestBox>()
             .with_localizer::<pulled::Pulled>()
             .with_view(clear_ahead::show),

@@ -120,6 +120,41 @@ fn tracker_of_another_crate_is_used_by_name() {
     assert_eq!(name, expected);
 }
 
+/// Parameters with ranges, rungs with run times, the ladder, effect on the tracks.
+#[test]
+fn detector_of_another_crate_is_used_by_name() {
+    let camera = ["camera.front={width_px=320, height_px=160}", "operator.eye.kind=camera_objects"];
+    let named =
+        [camera[0], camera[1], "operator.eye.detector=colourful", "operator.tracker.reads={boxes=\"eye\"}"];
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&named, assignments].concat());
+    let metrics = drive(&[]);
+    assert_eq!(p50_ms(&metrics, "eye"), 12.0, "its last rung");
+    let blind = drive(&["operator.eye.params.colour_min=254"]);
+    assert_ne!(metrics.drive.speed_end_mps, blind.drive.speed_end_mps);
+    assert_eq!(p50_ms(&drive(&["operator.eye.rung=coarse"]), "eye"), 4.0);
+    assert_eq!(p50_ms(&drive(&["operator.eye.run_times_ms.fine=20"]), "eye"), 20.0);
+    let late = [
+        "operator.eye.ladder=true",
+        "execution.model=static_deadlines",
+        "execution.detector_ms=8",
+        "execution.planner_ms=50",
+    ];
+    assert_eq!(p50_ms(&drive(&late), "eye"), 4.0, "the rung that fits");
+    let problem = |wrong: &str| problem(&[&named, &[wrong][..]].concat());
+    let range = problem("operator.eye.params.colour_min=0");
+    assert_eq!(range, "--set: operator.eye.params.colour_min: expected 1 to 255, found 0");
+    let rung = problem("operator.eye.rung=fin");
+    assert_eq!(
+        rung,
+        "--set: operator.eye.rung: no rung `fin`; did you mean \"fine\"?; expected \"coarse\", \"fine\""
+    );
+    let name = problem("operator.eye.detector=colorful");
+    assert!(
+        name.contains("no detector `colorful`; did you mean \"colourful\"?; expected \"street\""),
+        "{name}"
+    );
+}
+
 /// Keys, run times, accuracy in the metrics.
 #[test]
 fn localizer_of_another_crate_is_used_by_name() {
@@ -147,10 +182,85 @@ fn keys_list_algorithms_of_another_crate() {
         ("control.controller", "pursuit"),
         ("prediction.predictor", "fading"),
         ("localization.localizer", "pulled"),
+        ("operator.NAME.detector", "colourful"),
     ] {
         let names = &keys.iter().find(|one| one.key == key).unwrap().choices;
         assert_eq!(names.last().unwrap().name, name);
     }
+}
+
+/// Editors check and complete these names.
+#[test]
+fn schema_lists_algorithms_and_kinds_of_another_crate() {
+    let schema =
+        |registry| serde_json::to_string(&swerve_reference::FileKind::Config.schema(registry)).unwrap();
+    let (own, standard) = (schema(&registry()), schema(&swerve::Registry::standard()));
+    for name in ["cautious", "pursuit", "fading", "pulled", "slow_down"] {
+        let name = format!("\"{name}\"");
+        assert!(own.contains(&name) && !standard.contains(&name), "{name}");
+    }
+}
+
+/// Runs a command with the registry.
+fn command(words: &[&str]) -> Result<(), String> {
+    let cli = swerve::cli::parse(["swerve"].iter().chain(words)).map_err(|error| error.to_string())?;
+    swerve::cli::main(&cli, &registry()).map_err(|error| format!("{error:#}"))
+}
+
+#[test]
+fn plan_solves_road_problems_with_a_planner_of_another_crate() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("page.html");
+    let plan = |name: &str, sets: &[&str]| {
+        let page = page.to_str().unwrap();
+        let words = ["plan", "detour", "--planner", name, "--discretisation", "fast", "--report", page];
+        let sets = sets.iter().flat_map(|set| ["--set", *set]);
+        let words: Vec<&str> = words.into_iter().chain(["--overwrite"]).chain(sets).collect();
+        command(&words).map(|()| std::fs::read_to_string(page).unwrap())
+    };
+    let length_m = |page: &str| {
+        let row = &page[page.find("[\"free\"").unwrap_or_else(|| panic!("{page}"))..];
+        row.split('"').nth(7).unwrap().parse::<f64>().unwrap()
+    };
+    let drawn = plan("cautious", &[]).unwrap();
+    assert!(drawn.contains("swerve plan detour --planner cautious --discretisation fast"));
+    // 5 s at the initial speed of 14 m/s.
+    assert_eq!(length_m(&drawn), 70.0);
+    assert_eq!(length_m(&plan("waypoint", &[]).unwrap()), 70.0, "a built-in one");
+    assert!(
+        plan("cautious", &["planning.params.share=0.5"]).unwrap().contains("--set planning.params.share=0.5")
+    );
+    let range = plan("cautious", &["planning.params.share=2"]).unwrap_err();
+    assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
+    let name = plan("cautios", &[]).unwrap_err();
+    assert!(name.starts_with("--set: planning.planner: expected one of \"fot\""), "{name}");
+    assert!(name.ends_with("did you mean \"cautious\"?"), "{name}");
+    let fineness =
+        command(&["plan", "detour", "--planner", "cautious", "--discretisation", "fats"]).unwrap_err();
+    let expected = "--discretisation: expected one of \"fast\", \"slow\" for cautious, found \"fats\"; did you mean \
+                    \"fast\"?";
+    assert_eq!(fineness, expected);
+}
+
+/// Distances without densities: the example has no covariances.
+#[test]
+fn eval_prediction_evaluates_a_predictor_of_another_crate() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("walk.txt");
+    let rows: String = (0..20).map(|k| format!("{} 1 {} 0\n", 10 * k, 0.5 * f64::from(k))).collect();
+    std::fs::write(&file, rows).unwrap();
+    let evaluate = |more: &[&str]| {
+        let file = file.to_str().unwrap();
+        let words = ["eval", "prediction", file, "--format", "eth_ucy", "--json"];
+        command(&[&words, more].concat())
+    };
+    evaluate(&["--predictor", "fading"]).unwrap();
+    evaluate(&["--predictor", "fading", "--set", "prediction.params.fade_s=5"]).unwrap();
+    let range = evaluate(&["--predictor", "fading", "--set", "prediction.params.fade_s=0"]).unwrap_err();
+    assert_eq!(range, "--set: prediction.params.fade_s: expected 0.1 to 100, found 0");
+    let name = evaluate(&["--predictor", "fadin"]).unwrap_err();
+    assert!(name.starts_with("--predictor: expected \"all\" or one of \"linear\""), "{name}");
+    assert!(name.ends_with("\"r2p2\", \"fading\", found \"fadin\"; did you mean \"fading\"?"), "{name}");
 }
 
 /// The cells of a study differ by the algorithm.

@@ -5,18 +5,23 @@ mod tally;
 #[cfg(test)]
 mod tests;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_drive::problems_error;
 use swerve_msg::{ForecastList, TrackList};
 use swerve_prediction::learned::Weights;
 use swerve_prediction::recorded::{Protocol, Recording};
-use swerve_prediction::{Ground, Horizon, PredictorName, forecast, forecast_by};
+use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, forecast_by};
 use swerve_report::files::read_whole;
 use swerve_report::output::align;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_text::{did_you_mean, in_one_line, list, parse_assignments};
 
 use files::Lanes;
 pub use files::{File, file, on_lanes};
@@ -39,10 +44,13 @@ pub(super) struct PredictionArgs {
     /// Steps of a track between the starts of two windows
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     stride: u16,
-    /// Predictor: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`,
-    /// `multipath`, `mfp`, `r2p2`
-    #[arg(long, value_name = "NAME", default_value = "all", value_parser = named)]
-    predictor: Chosen,
+    /// Predictor: all, or one that prediction.predictor can name: `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`,
+    /// `social_force`, `orca`, `lane_idm`, `multipath`, `mfp`, `r2p2`
+    #[arg(long, value_name = "NAME", default_value = "all")]
+    predictor: String,
+    /// Set a key of the configuration for a single predictor (prediction.params.KEY=VALUE)
+    #[arg(long, value_name = "KEY=VALUE", requires = "predictor")]
+    set: Vec<String>,
     /// Neural predictor with these weights, as written by `swerve train prediction`
     #[arg(long, value_name = "FILE", conflicts_with = "predictor")]
     weights: Option<PathBuf>,
@@ -80,16 +88,30 @@ enum Who {
     Schoeller,
 }
 
-#[derive(Clone, Debug)]
-struct Chosen(Vec<PredictorName>);
-
-fn named(word: &str) -> Result<Chosen, String> {
-    let names = PredictorName::ALL.map(PredictorName::name);
-    match PredictorName::ALL.into_iter().find(|predictor| predictor.name() == word) {
-        Some(predictor) => Ok(Chosen(vec![predictor])),
-        None if word == "all" => Ok(Chosen(PredictorName::ALL.to_vec())),
-        None => Err(format!("expected all or one of {}", names.join(", "))),
-    }
+/// Predictors of the command line, by name.
+fn chosen(
+    args: &PredictionArgs,
+    registry: &Registry,
+) -> anyhow::Result<Vec<(&'static str, Box<dyn Predictor>)>> {
+    // The true future is known in simulated drives only.
+    let names = registry.predictors().filter(|name| *name != PredictorName::Truth.name());
+    let names: Vec<&'static str> = names.collect();
+    let word = args.predictor.as_str();
+    let is_all = word == "all";
+    ensure!(
+        is_all || names.contains(&word),
+        "--predictor: expected \"all\" or one of {}, found \"{word}\"{}",
+        list(&names),
+        did_you_mean(word, names.iter().copied())
+    );
+    let built = |name: &'static str| {
+        let mut sets = vec![("prediction.predictor".to_owned(), name.into())];
+        sets.extend(parse_assignments(&args.set)?);
+        let config = Config::load_with(registry, None, &sets).map_err(|found| problems_error(&found))?;
+        let predictor = config.prediction.built(registry, None);
+        Ok((name, predictor.map_err(|found| anyhow!("prediction: {}", in_one_line(&found)))?))
+    };
+    names.into_iter().filter(|name| is_all || *name == word).map(built).collect()
 }
 
 /// Evaluation of one predictor.
@@ -118,7 +140,11 @@ pub type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> Forecas
 /// # Errors
 /// If the folder has no such files, or a file cannot be read or has another format; the error names file, line and the
 /// expected content.
-pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
+pub(super) fn told(args: &PredictionArgs, registry: &Registry) -> anyhow::Result<String> {
+    let predictors = match &args.weights {
+        None => chosen(args, registry)?,
+        Some(_) => Vec::new(),
+    };
     let files = files::files(&args.dir, args.format)?;
     let protocol = protocol(args);
     let best_of = usize::from(args.best_of);
@@ -132,13 +158,14 @@ pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
             vec![report(name, &by, &files, (&protocol, best_of))]
         }
         None => {
-            let one = |name: &PredictorName| {
+            let one = |(name, predictor): (&str, Box<dyn Predictor>)| {
+                let predictor = RefCell::new(predictor);
                 let by = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
-                    forecast(*name, tracks, horizon, ground)
+                    predictor.borrow_mut().forecast(tracks, horizon, ground)
                 };
-                report(name.name().to_owned(), &by, &files, (&protocol, best_of))
+                report(name.to_owned(), &by, &files, (&protocol, best_of))
             };
-            args.predictor.0.iter().map(one).collect()
+            predictors.into_iter().map(one).collect()
         }
     };
     if args.json {
@@ -227,7 +254,7 @@ fn table(reports: &[Report]) -> String {
             Some(figures.brier_min_fde_m),
             Some(figures.missed),
             Some(figures.collisions),
-            Some(figures.nll),
+            Some(figures.nll).filter(|nll| !nll.is_nan()),
             figures.coverage.map(|shares| shares[2]),
             figures.recalibrated_90,
         ];

@@ -34,7 +34,7 @@ impl Folder {
         let words = words.replace('@', &format!("{}/", self.0.path().display()));
         let json = as_json.then_some("--json");
         let line = Line::try_parse_from(std::iter::once("eval").chain(words.split(' ')).chain(json))?;
-        result(&line.args)
+        result(&line.args, &swerve_stack::Registry::standard())
     }
 
     fn numbers(&self, words: &str) -> Value {

@@ -23,7 +23,7 @@ const PATH_STEP_S: f64 = 0.05;
 const PATH_STEP_MIN_S: f64 = 0.004;
 
 /// Sampling distance for a solution's clearance, metres.
-const CLEARANCE_STEP_M: f64 = 0.1;
+pub(super) const CLEARANCE_STEP_M: f64 = 0.1;
 
 /// Sampling distance for a clearance near the required one, metres.
 const CLEARANCE_FINE_M: f64 = 0.02;
@@ -32,7 +32,7 @@ const CLEARANCE_FINE_M: f64 = 0.02;
 const CURVATURE_BASE_M: f64 = 0.5;
 
 /// The Lincoln of the other problems with its reference point at the centre, as in these problems.
-fn centered_shape() -> Shape {
+pub(super) fn centered_shape() -> Shape {
     let shape = Shape::default();
     Shape { rear_overhang_m: 0.5 * shape.length_m, ..shape }
 }
@@ -220,7 +220,7 @@ pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Soluti
 }
 
 /// Largest change of heading over distance between points at least [`CURVATURE_BASE_M`] apart, 1/m.
-fn curvature_max_of(path: &[[f64; 4]]) -> f64 {
+pub(super) fn curvature_max_of(path: &[[f64; 4]]) -> f64 {
     let mut last = path[0];
     let mut most = 0.0_f64;
     for &p in path {

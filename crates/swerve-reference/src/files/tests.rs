@@ -118,7 +118,7 @@ fn is_of(kind: &Value, value: &Value) -> bool {
 
 fn wrong(kind: FileKind, text: &str) -> Vec<String> {
     let value = serde_json::to_value(text.parse::<toml::Table>().unwrap()).unwrap();
-    let schema = kind.schema().to_value();
+    let schema = kind.schema(&Registry::standard()).to_value();
     let mut found = Vec::new();
     problems(&schema, &schema, &value, "", &mut found);
     found
@@ -189,7 +189,7 @@ fn keys(root: &Value, schema: &Value, at: &str, into: &mut Vec<String>) {
 #[test]
 fn scenario_schema_has_the_keys_of_the_reader() {
     assert_eq!(wrong(FileKind::Scenario, &every_key()), Vec::<String>::new());
-    let schema = FileKind::Scenario.schema().to_value();
+    let schema = FileKind::Scenario.schema(&Registry::standard()).to_value();
     let mut all = Vec::new();
     keys(&schema, &schema, "", &mut all);
     for (text, refused) in [

@@ -13,7 +13,7 @@ use crate::keys::keys;
 /// A key with a range, an open range, and the ranges of an array in the schema.
 #[test]
 fn schema_has_the_ranges_of_the_fields() {
-    let schema = FileKind::Config.schema().to_value();
+    let schema = FileKind::Config.schema(&Registry::standard()).to_value();
     let at = |place: &str| {
         let node = schema.pointer(place).unwrap_or_else(|| panic!("no {place}"));
         ["minimum", "maximum"].map(|keyword| node.get(keyword).and_then(Value::as_f64))
@@ -266,7 +266,7 @@ fn place_in_scenario(key: &str) -> String {
 
 #[test]
 fn every_number_of_a_scenario_has_a_minimum_and_a_maximum() {
-    let schema = FileKind::Scenario.schema();
+    let schema = FileKind::Scenario.schema(&Registry::standard());
     let all = crate::schema::keys(&schema, "", None, Arrays::Within);
     let numbers: Vec<&Key> =
         all.iter().filter(|key| matches!(key.form.as_str(), "number" | "whole number")).collect();

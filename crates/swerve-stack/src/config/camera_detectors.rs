@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_geom::Point;
 use swerve_msg::CameraInfo;
-use swerve_text::{did_you_mean, list, read_bytes};
+use swerve_perception::camera::CameraDetector;
+use swerve_text::{KeyProblem, did_you_mean, list, read_bytes};
 use swerve_vision::acf::{Ground, Rung, Weights, WeightsError};
 use swerve_vision::{segmentation, shipped};
 
@@ -18,8 +19,13 @@ pub(super) const WEIGHTS_MAX: u64 = 256 << 20;
 
 use super::execution::Runtime;
 use super::{Config, OperatorConfig};
+use crate::detectors::{AnyDetector, ByWeights, DetectorRung, DetectorSetup};
+use crate::registry::Registry;
 
-/// Detector of this name, or the one in this file.
+/// Rung of an operator that names none, if its detector has one of this name; otherwise the detector's last rung.
+const DEFAULT_RUNG: &str = "ground";
+
+/// Detector without neural networks of this name, or the one in this file.
 ///
 /// # Errors
 /// There is neither, or the file is damaged.
@@ -34,6 +40,42 @@ pub fn weights(name: &str) -> Result<Weights, String> {
 pub fn segmentation(name: &str) -> Result<segmentation::Weights, String> {
     let in_program = (shipped::segmentation(name), shipped::segmentations().collect());
     stored("segmentation", name, in_program, segmentation::Weights::read)
+}
+
+/// Camera detector of this name in the registry, or the one in this file of weights; with its rungs.
+///
+/// # Errors
+/// There is neither, or the file is damaged.
+fn detector(registry: &Registry, name: &str) -> Result<(Arc<dyn AnyDetector>, Vec<DetectorRung>), String> {
+    let detector = match registry.detectors.shared(name) {
+        Some(detector) => detector,
+        None => {
+            let names = registry.detectors().collect();
+            let _weights = stored("detector", name, (None, names), Weights::read)?;
+            Arc::new(ByWeights(name.to_owned().into()))
+        }
+    };
+    let rungs = detector.rungs()?;
+    Ok((detector, rungs))
+}
+
+/// Position of the rung of this name.
+///
+/// # Errors
+/// There is no such rung.
+fn position(rungs: &[DetectorRung], name: &str) -> Result<usize, String> {
+    let last_by_default = (name == DEFAULT_RUNG).then_some(rungs.len().saturating_sub(1));
+    rungs
+        .iter()
+        .position(|rung| rung.name == name)
+        .or(last_by_default)
+        .ok_or_else(|| no_rung(name, rungs.iter().map(|rung| &*rung.name)))
+}
+
+/// Error message for a rung that a detector lacks.
+fn no_rung<'a>(name: &str, rungs: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = rungs.collect();
+    format!("no rung `{name}`{}; expected {}", did_you_mean(name, names.iter().copied()), list(&names))
 }
 
 /// The built-in item of this name, else the one in the file of this name; the built-in names are for the error message.
@@ -60,10 +102,8 @@ fn stored<T>(
 /// # Errors
 /// There is no such rung.
 pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
-    weights.rungs.iter().find(|rung| rung.name == name).ok_or_else(|| {
-        let names: Vec<&str> = weights.rungs.iter().map(|rung| rung.name.as_str()).collect();
-        format!("no rung `{name}`{}; expected {}", did_you_mean(name, names.iter().copied()), list(&names))
-    })
+    let rung = weights.rungs.iter().find(|rung| rung.name == name);
+    rung.ok_or_else(|| no_rung(name, weights.rungs.iter().map(|rung| rung.name.as_str())))
 }
 
 /// Flat ground in a camera's image.
@@ -90,10 +130,14 @@ pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraObjectsTable {
-    /// A built-in detector, or a file of weights.
+    /// A built-in detector, one that a program with a custom registry adds, or a file of weights.
     pub detector: String,
-    /// Rung of the detector: the way to use it.
+    /// Rung of the detector: the way to use it. A detector without a rung `ground` uses its last one by default.
     pub rung: String,
+    /// Parameters of a custom detector that differ from its defaults.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub params: toml::Table,
     /// Switches to faster rungs where this one would miss its deadline.
     pub ladder: bool,
     /// Score below which boxes are not reported.
@@ -107,7 +151,8 @@ impl Default for CameraObjectsTable {
     fn default() -> Self {
         Self {
             detector: "street".into(),
-            rung: "ground".into(),
+            rung: DEFAULT_RUNG.into(),
+            params: toml::Table::new(),
             ladder: false,
             score_min: 0.3,
             run_times_ms: BTreeMap::new(),
@@ -130,10 +175,74 @@ impl CameraObjectsTable {
         config.operator.iter().find(is_one).map(|(name, _)| Self::of(config, name))
     }
 
+    /// Detector of this table with its rungs, and the position of the named one.
+    ///
+    /// # Errors
+    /// The problem by its key.
+    pub(crate) fn chosen(&self, registry: &Registry) -> Result<Chosen<'_>, KeyProblem> {
+        let wrong = |key: &str| {
+            let key = key.to_owned();
+            move |message| (key, message)
+        };
+        let (detector, rungs) = detector(registry, &self.detector).map_err(wrong("detector"))?;
+        let named = position(&rungs, &self.rung).map_err(wrong("rung"))?;
+        Ok(Chosen { table: self, detector, rungs, named })
+    }
+
+    /// Detector of this table at the named rung.
+    ///
+    /// # Errors
+    /// Problems by their keys.
+    pub fn detector(&self, registry: &Registry) -> Result<Box<dyn CameraDetector>, Vec<KeyProblem>> {
+        let chosen = self.chosen(registry).map_err(|problem| vec![problem])?;
+        chosen.build(&chosen.rungs[chosen.named])
+    }
+
+    /// Run time of the named rung.
+    pub fn run_time(&self, registry: &Registry) -> Option<Runtime> {
+        let chosen = self.chosen(registry).ok()?;
+        chosen.run_time(&chosen.rungs[chosen.named])
+    }
+}
+
+/// The detector that a table names.
+pub(crate) struct Chosen<'a> {
+    table: &'a CameraObjectsTable,
+    detector: Arc<dyn AnyDetector>,
+    pub(crate) rungs: Vec<DetectorRung>,
+    named: usize,
+}
+
+impl Chosen<'_> {
+    /// The named rung.
+    pub(crate) fn named(&self) -> &DetectorRung {
+        &self.rungs[self.named]
+    }
+
+    /// Rungs that may be used, in the detector's order. A rung that searches around tracks is on a ladder only if it is
+    /// the named one: its longest run time is that of the same rung without tracks.
+    pub(crate) fn taken(&self) -> impl Iterator<Item = &DetectorRung> {
+        let first = if self.table.ladder { 0 } else { self.named };
+        let rungs = self.rungs[first..=self.named].iter().enumerate();
+        rungs.filter(move |(k, rung)| first + k == self.named || !rung.follows_tracks).map(|(_, rung)| rung)
+    }
+
+    /// Checks that there is a rung of this name.
+    pub(crate) fn known(&self, name: &str) -> Result<(), String> {
+        let is_known = self.rungs.iter().any(|rung| rung.name == name);
+        if is_known { Ok(()) } else { Err(no_rung(name, self.rungs.iter().map(|rung| &*rung.name))) }
+    }
+
     /// Run time of a rung.
-    pub fn run_time(&self, rung: &str) -> Option<Runtime> {
-        let own = self.run_times_ms.get(rung).map(|ms| Runtime::fixed(*ms));
-        own.or_else(|| run_time(&self.detector, rung))
+    pub(crate) fn run_time(&self, rung: &DetectorRung) -> Option<Runtime> {
+        let own = self.table.run_times_ms.get(&*rung.name).map(|ms| Runtime::fixed(*ms));
+        own.or_else(|| rung.run_time.clone())
+    }
+
+    /// The detector at a rung.
+    pub(crate) fn build(&self, rung: &DetectorRung) -> Result<Box<dyn CameraDetector>, Vec<KeyProblem>> {
+        let setup = DetectorSetup { rung: &rung.name, score_min: self.table.score_min };
+        self.detector.build(setup, &self.table.params)
     }
 }
 

@@ -113,7 +113,7 @@ pub(crate) fn outside(error: ParamError) -> Vec<KeyProblem> {
 }
 
 /// Problems of the table at dotted `key`, which is empty for the whole configuration.
-pub(super) fn within(key: &str, problems: Vec<KeyProblem>) -> Vec<KeyProblem> {
+pub(crate) fn within(key: &str, problems: Vec<KeyProblem>) -> Vec<KeyProblem> {
     let whole = |inner: String| match (key.is_empty(), inner.is_empty()) {
         (true, _) => inner,
         (_, true) => key.to_owned(),

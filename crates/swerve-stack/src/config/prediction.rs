@@ -78,7 +78,7 @@ impl PredictionConfig {
     ///
     /// # Errors
     /// Problems by their keys in `prediction`.
-    pub(crate) fn built(
+    pub fn built(
         &self,
         registry: &Registry,
         weights: Option<&Weights>,

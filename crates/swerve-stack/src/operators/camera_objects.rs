@@ -1,4 +1,4 @@
-//! Object detection in camera images: boxes on the ground, without neural networks.
+//! Object detection in camera images: boxes on the ground, by a detector that the keys name.
 
 use swerve_core::{Ranges as _, Span, Time};
 use swerve_flow::{
@@ -6,16 +6,16 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_msg::{Detections, EgoState, Image, Route, RungTaken, TrackList};
-use swerve_perception::CameraObjects;
-use swerve_perception::camera::Shot;
+use swerve_perception::camera::{CameraDetector, Shot};
+use swerve_text::in_one_line;
 use swerve_vehicle::{Pitch, VehicleParams};
-use swerve_vision::acf::Weights;
 
 use super::ladder::{on_ladder, take};
-use crate::config::camera_detectors::{CameraObjectsTable, rung, weights};
+use crate::config::camera_detectors::{CameraObjectsTable, Chosen};
 use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
 use crate::config::planner::problem;
+use crate::detectors::DetectorRung;
 use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
 use crate::registry::Registry;
 use crate::site::Site;
@@ -27,7 +27,7 @@ const POSES: usize = 256;
 const PITCH_STEP_S: f64 = 0.01;
 
 /// Detects objects in a camera's images, on one rung of a detector or on the one that fits the time left.
-pub(super) struct CameraDetector;
+pub(super) struct CameraObjects;
 
 /// Image of this stamp, and past poses of the ego.
 #[derive(Inputs)]
@@ -64,65 +64,60 @@ struct Out {
     rung: Port<RungTaken>,
 }
 
-impl CameraObjectsTable {
-    fn problems(&self) -> KeyProblems {
-        let mut told: KeyProblems = self.out_of_range().into_iter().map(problem).collect();
-        let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
-        let weights = match weights(&self.detector) {
-            Ok(weights) => weights,
-            Err(message) => {
-                tell("detector", message);
-                return told;
-            }
+/// Implementations that may be chosen for a frame.
+type Rungs = Vec<Rung<Box<dyn CameraDetector>>>;
+
+fn problems(table: &CameraObjectsTable, registry: &Registry) -> KeyProblems {
+    let mut found: KeyProblems = table.out_of_range().into_iter().map(problem).collect();
+    // With a wrong rung, the detector is that of the table without one.
+    let other = CameraObjectsTable { rung: CameraObjectsTable::default().rung, ..table.clone() };
+    let (chosen, wrong_rung) = match table.chosen(registry) {
+        Ok(chosen) => (Ok(chosen), None),
+        Err(wrong) if wrong.0 == "rung" => (other.chosen(registry), Some(wrong)),
+        Err(wrong) => (Err(wrong), None),
+    };
+    let chosen = match chosen {
+        Ok(chosen) => chosen,
+        Err(wrong) => {
+            found.push(wrong);
+            return found;
+        }
+    };
+    for (name, ms) in &table.run_times_ms {
+        let wrong = chosen.known(name).err().or_else(|| span_ms(*ms).err());
+        found.extend(wrong.map(|message| (format!("run_times_ms.{name}"), message)));
+    }
+    match wrong_rung {
+        Some(wrong) => found.push(wrong),
+        None => found.extend(rungs(&chosen, table).err().into_iter().flatten()),
+    }
+    found
+}
+
+/// Rungs that may be used, the fastest first and the named one last; on a ladder each with its longest run time.
+fn rungs(chosen: &Chosen<'_>, table: &CameraObjectsTable) -> Result<Rungs, KeyProblems> {
+    let mut rungs = Vec::new();
+    for rung in chosen.taken() {
+        let what = chosen.build(rung)?;
+        let time = chosen.run_time(rung).map(|time| time.most_ms());
+        let wrong = |message| vec![("run_times_ms".to_owned(), message)];
+        let most_ms = match (time, table.ladder) {
+            (None, true) => return Err(wrong(untimed(rung))),
+            (time, _) => time.unwrap_or(0.0),
         };
-        for (name, ms) in &self.run_times_ms {
-            let wrong = rung(&weights, name).err().or_else(|| span_ms(*ms).err());
-            wrong.into_iter().for_each(|message| tell(&format!("run_times_ms.{name}"), message));
-        }
-        match rung(&weights, &self.rung) {
-            Err(message) => tell("rung", message),
-            Ok(_) => {
-                let wrong = self.rungs(&weights).err();
-                wrong.into_iter().for_each(|(key, message)| tell(key, message));
-            }
-        }
-        told
+        let run_time = span_ms(most_ms).map_err(wrong)?;
+        rungs.push(Rung { name: rung.name.to_string(), run_time, what });
     }
+    // A rung slower than a better one is left out.
+    let top = rungs.last().map_or(Span::ZERO, |rung| rung.run_time);
+    rungs.retain(|rung| rung.run_time <= top);
+    rungs.sort_by_key(|rung| rung.run_time);
+    Ok(rungs)
+}
 
-    /// Rungs of the detector that may be used, in its order. A rung that searches around tracks is on a ladder only if
-    /// it is the named one: its longest run time is that of the same rung without tracks.
-    fn taken<'a>(&self, weights: &'a Weights) -> impl Iterator<Item = &'a swerve_vision::acf::Rung> {
-        let named = weights.rungs.iter().position(|rung| rung.name == self.rung).unwrap_or(0);
-        let first = if self.ladder { 0 } else { named };
-        let rungs = weights.rungs[first..=named].iter().enumerate();
-        rungs.filter(move |(k, rung)| first + k == named || rung.whole_every == 1).map(|(_, rung)| rung)
-    }
-
-    /// Returns true if one of these rungs searches around tracks.
-    fn follows(&self, weights: &Weights) -> bool {
-        self.taken(weights).any(|rung| rung.whole_every > 1)
-    }
-
-    /// Rungs that may be used, the fastest first and the named one last; on a ladder each with its longest run time.
-    fn rungs(&self, weights: &Weights) -> Result<Vec<Rung<CameraObjects>>, (&'static str, String)> {
-        let mut rungs = Vec::new();
-        for rung in self.taken(weights) {
-            let what = CameraObjects::new(weights.clone(), rung.clone(), self.score_min);
-            let what = what.map_err(|error| ("detector", format!("`{}`: {error}", self.detector)))?;
-            let time = self.run_time(&rung.name).map(|time| time.most_ms());
-            let untimed = || {
-                ("run_times_ms", format!("expected a run time of rung `{}`: none was measured", rung.name))
-            };
-            let most_ms = if self.ladder { time.ok_or_else(untimed)? } else { time.unwrap_or(0.0) };
-            let run_time = span_ms(most_ms).map_err(|message| ("run_times_ms", message))?;
-            rungs.push(Rung { name: rung.name.clone(), run_time, what });
-        }
-        // A rung slower than a better one is left out.
-        let top = rungs.last().map_or(Span::ZERO, |rung| rung.run_time);
-        rungs.retain(|rung| rung.run_time <= top);
-        rungs.sort_by_key(|rung| rung.run_time);
-        Ok(rungs)
-    }
+/// Error message for a rung without a run time.
+fn untimed(rung: &DetectorRung) -> String {
+    format!("expected a run time of rung `{}`: none was measured", rung.name)
 }
 
 /// Keys of an operator.
@@ -130,7 +125,7 @@ fn table(settings: &Settings<'_>) -> CameraObjectsTable {
     CameraObjectsTable::of(settings.config, settings.name)
 }
 
-impl OperatorKind for CameraDetector {
+impl OperatorKind for CameraObjects {
     fn node(&self) -> Node {
         Node::new("camera_objects", "boxes of people, cars, trucks and cyclists in a camera's images")
             .heavy(Heavy::Yes)
@@ -145,9 +140,9 @@ impl OperatorKind for CameraDetector {
         toml::Table::try_from(CameraObjectsTable::default()).unwrap_or_default()
     }
 
-    fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
+    fn problems(&self, keys: &toml::Table, registry: &Registry) -> KeyProblems {
         swerve_text::read::<CameraObjectsTable>(keys)
-            .map_or_else(|problems| problems, |table| table.problems())
+            .map_or_else(|problems| problems, |table| problems(&table, registry))
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
@@ -160,7 +155,8 @@ impl OperatorKind for CameraDetector {
             _ => In::ports(),
         };
         let table = table(settings);
-        if !weights(&table.detector).is_ok_and(|weights| table.follows(&weights)) {
+        let chosen = table.chosen(&settings.config.registry);
+        if !chosen.is_ok_and(|chosen| chosen.taken().any(|rung| rung.follows_tracks)) {
             ports.retain(|port| port.name != "tracks");
         }
         ports
@@ -171,23 +167,21 @@ impl OperatorKind for CameraDetector {
         if table.ladder {
             return Ok(on_ladder());
         }
-        let time = table.run_time(&table.rung);
-        time.ok_or_else(|| format!("expected a run time of rung `{}`: none was measured", table.rung))?
-            .model()
+        let chosen = table.chosen(&settings.config.registry).map_err(|(_, message)| message)?;
+        chosen.run_time(chosen.named()).ok_or_else(|| untimed(chosen.named()))?.model()
     }
 
     fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
         let table = table(settings);
-        let time = table.run_time(&table.rung)?;
+        let time = table.run_time(&settings.config.registry)?;
         Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let table = table(&site.settings());
-        let wrong = |message| anyhow::anyhow!("operator.{}.detector: {message}", site.name());
-        let weights = weights(&table.detector).map_err(wrong)?;
-        let (rungs, around) =
-            (table.rungs(&weights).map_err(|(_, message)| wrong(message))?, site.surroundings());
+        let wrong = |found: KeyProblems| anyhow::anyhow!("operator.{}: {}", site.name(), in_one_line(&found));
+        let chosen = table.chosen(&site.config().registry).map_err(|found| wrong(vec![found]))?;
+        let (rungs, around) = (rungs(&chosen, &table).map_err(wrong)?, site.surroundings());
         let (route, vehicle) = (around.route.clone(), around.vehicle.clone());
         let detector = Detector { rungs, spends: table.ladder, route, vehicle };
         match site.own_timer() {
@@ -203,7 +197,7 @@ impl OperatorKind for CameraDetector {
 
 /// Runs on the images of its input.
 struct Detector {
-    rungs: Vec<Rung<CameraObjects>>,
+    rungs: Rungs,
     /// True on a ladder, where the rung defines the run time of a step.
     spends: bool,
     route: Route,

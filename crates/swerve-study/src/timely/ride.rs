@@ -9,11 +9,12 @@ use swerve_geom::{Ego, Point, Point2, Pose2, Transform, Vector};
 use swerve_measure::labels::{VISIBLE_SHARE_MIN, street_mask_of, true_box};
 use swerve_msg::truth::{EgoTruth, Surroundings, WorldState};
 use swerve_msg::{ActorKind, Command, DetectedBox, Detections, Extent, Image};
+use swerve_perception::Detector;
+use swerve_perception::camera::CameraDetector;
 use swerve_perception::camera::Shot;
 use swerve_perception::detector::Sensing;
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
-use swerve_perception::{CameraObjects, Detector};
 use swerve_scenario::{Actor, Direction, Motion, PAVEMENT_M, Scenario, Segment};
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::config::Config;
@@ -160,7 +161,7 @@ enum Source {
     /// Detector that `perception.detector` emulates.
     Emulated(Box<Detector>),
     /// Operator of the kind `camera_objects`, on the colours of its camera.
-    Images(Box<(CameraObjects, Pixels)>),
+    Images(Box<(Box<dyn CameraDetector>, Pixels)>),
 }
 
 impl Eyes {
@@ -297,10 +298,9 @@ impl Boxes {
         let lens = |mounted: &CameraConfig| image_camera(mounted).context("camera: expected one with a lens");
         if let Some(table) = CameraObjectsTable::first(config) {
             let mounted = the_camera(config)?;
-            let told = |message: String| anyhow!("operator.camera_objects: {message}");
-            let weights = camera_detectors::weights(&table.detector).map_err(told)?;
-            let rung = camera_detectors::rung(&weights, &table.rung).map_err(told)?.clone();
-            let objects = CameraObjects::new(weights, rung, table.score_min)?;
+            let objects = table.detector(&config.registry);
+            let objects =
+                objects.map_err(|found| anyhow!("operator.camera_objects: {}", in_one_line(&found)))?;
             let source = Source::Images(Box::new((objects, Pixels::new(config, ride, false, false)?)));
             let sight = ObstacleSight::new(config, Some(mounted));
             return Ok(Self { sight, camera: lens(mounted)?, source, trackers });

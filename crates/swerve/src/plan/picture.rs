@@ -2,7 +2,7 @@
 
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, color};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
-use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
+use swerve_pylot::posed::{AxisBox, FotConfig, FotProblem, ProblemFile, Solution, obb};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
@@ -42,32 +42,9 @@ impl Sketch {
         let point = |p: [f64; 2]| Point2::new(p[0], p[1]);
         match posed {
             Posed::Fot(config) => {
-                let problem = &file.problems.fot[k];
-                let points: Vec<Point2> = problem.waypoints.iter().map(|p| point(*p)).collect();
-                let line = Polyline::smooth(&points, ROAD_STEP_M).ok();
-                let along = |d_m: f64| {
-                    let line = line.as_ref()?;
-                    let n = (line.length() / ROAD_STEP_M) as usize;
-                    let at = |k: usize| line.to_map(FrenetPoint { s_m: k as f64 * ROAD_STEP_M, d_m });
-                    Some((0..=n).map(at).collect())
-                };
-                let shape = Shape::default();
-                let start = problem.frenet_ic.zip(line.as_ref());
-                let start = start.map(|(ic, line)| line.to_map(FrenetPoint { s_m: ic[0], d_m: ic[2] }));
-                Self {
-                    boxes: problem.obstacles.clone(),
-                    clearance_m: config.obstacle_clearance,
-                    line: along(0.0).unwrap_or_default(),
-                    edges: [-config.max_road_width_l, config.max_road_width_r]
-                        .map(along)
-                        .into_iter()
-                        .flatten()
-                        .collect(),
-                    start: start.or(problem.pos.map(point)).unwrap_or_default(),
-                    goal: None,
-                    outline: Some((shape.length_m, shape.width_m, 0.0)),
-                }
+                Self::on_road(&file.problems.fot[k], Some(config), config.obstacle_clearance)
             }
+            Posed::Named(named) => Self::on_road(&file.problems.fot[k], named.road, 0.0),
             Posed::RrtStar(config) => {
                 let problem = &file.problems.rrt_star[k];
                 let (start, goal) = (point(problem.start), point(problem.goal));
@@ -80,6 +57,31 @@ impl Sketch {
                 let outline = (config.car_length, config.car_width, 0.25 * config.car_length);
                 Self::free(&problem.obstacles, config.obstacle_clearance, start, goal, Some(outline))
             }
+        }
+    }
+
+    /// Sketch of a problem of a road, with its edges if their distances are known.
+    fn on_road(problem: &FotProblem, range: Option<&FotConfig>, clearance_m: f64) -> Self {
+        let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
+        let line = Polyline::smooth(&points, ROAD_STEP_M).ok();
+        let along = |d_m: f64| {
+            let line = line.as_ref()?;
+            let n = (line.length() / ROAD_STEP_M) as usize;
+            let at = |k: usize| line.to_map(FrenetPoint { s_m: k as f64 * ROAD_STEP_M, d_m });
+            Some((0..=n).map(at).collect())
+        };
+        let shape = Shape::default();
+        let start = problem.frenet_ic.zip(line.as_ref());
+        let start = start.map(|(ic, line)| line.to_map(FrenetPoint { s_m: ic[0], d_m: ic[2] }));
+        let edges = range.map(|range| [-range.max_road_width_l, range.max_road_width_r]);
+        Self {
+            boxes: problem.obstacles.clone(),
+            clearance_m,
+            line: along(0.0).unwrap_or_default(),
+            edges: edges.into_iter().flatten().filter_map(along).collect(),
+            start: start.or(problem.pos.map(|p| Point2::new(p[0], p[1]))).unwrap_or_default(),
+            goal: None,
+            outline: Some((shape.length_m, shape.width_m, 0.0)),
         }
     }
 

@@ -2,13 +2,17 @@
 
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use clap::ValueEnum as _;
+use swerve_drive::problems_error;
 use swerve_drive::shipped::Kind;
+use swerve_planning::Planner;
 use swerve_pylot::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
-use swerve_text::{did_you_mean, from_json, list};
+use swerve_stack::Registry;
+use swerve_stack::config::{Config, Fineness};
+use swerve_text::{did_you_mean, from_json, list, parse_assignments};
 
-use super::PosedPlanner;
+use super::{PlanArgs, PosedPlanner, PresetName};
 
 /// A planner with one of the file's configurations.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +23,60 @@ pub enum Posed<'a> {
     RrtStar(&'a RrtStarConfig),
     /// Hybrid A*.
     HybridAstar(&'a HybridAstarConfig),
+    /// Another planner of the registry.
+    Named(Named<'a>),
+}
+
+/// A planner of the registry on road problems.
+#[derive(Clone, Copy, Debug)]
+pub struct Named<'a> {
+    config: &'a Config,
+    /// Width of the road.
+    pub(super) road: Option<&'a FotConfig>,
+}
+
+impl Named<'_> {
+    /// Builds the planner; the configuration was checked.
+    ///
+    /// # Panics
+    /// If its parameters are out of range.
+    pub(super) fn planner(&self) -> Box<dyn Planner> {
+        let Config { planning, registry, .. } = self.config;
+        planning.planner(registry).expect("the configuration was checked")
+    }
+}
+
+/// Configuration that names the planner of the command line, without a comfort layer.
+pub(super) fn config(args: &PlanArgs, registry: &Registry) -> anyhow::Result<Config> {
+    let fineness = [Fineness::Fast, Fineness::Slow].map(Fineness::as_str);
+    let name = args.discretisation.as_str();
+    ensure!(
+        fineness.contains(&name),
+        "--discretisation: expected one of {} for {}, found \"{name}\"{}",
+        list(&fineness),
+        args.planner,
+        did_you_mean(name, fineness)
+    );
+    let preset = if args.preset == PresetName::Paper { "paper" } else { "best" };
+    let key = |key: &str, value: &str| (format!("planning.{key}"), toml::Value::from(value));
+    let mut sets = vec![
+        ("planning.comfort.enabled".to_owned(), toml::Value::from(false)),
+        key("planner", &args.planner),
+        key("discretisation", name),
+        key("preset", preset),
+    ];
+    sets.extend(parse_assignments(&args.set)?);
+    Config::load_with(registry, None, &sets).map_err(|problems| problems_error(&problems))
+}
+
+/// Selects the road problems of a file for a planner of the registry.
+pub(super) fn on_road<'a>(
+    file: &'a ProblemFile,
+    config: &'a Config,
+    discretisation: &str,
+) -> anyhow::Result<Named<'a>> {
+    ensure!(!file.problems.fot.is_empty(), "problems.fot: no problem of a road, which this planner requires");
+    Ok(Named { config, road: file.configs.fot.get(discretisation) })
 }
 
 /// Reads a problem file by its path, or by the name of a built-in one.

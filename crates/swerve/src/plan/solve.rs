@@ -4,9 +4,10 @@ use std::time::Instant;
 
 use swerve_planning::Unlimited;
 use swerve_pylot::Preset;
-use swerve_pylot::posed::{ProblemFile, Solution, fot, hybrid_astar, rrt_star};
+use swerve_pylot::posed::road::RoadProblem;
+use swerve_pylot::posed::{FotProblem, ProblemFile, Solution, fot, hybrid_astar, rrt_star};
 
-use super::read::Posed;
+use super::read::{Named, Posed};
 
 /// Repetitions of each problem. The fastest call counts, because the host's cores are shared.
 pub const REPEATS: usize = 3;
@@ -14,8 +15,8 @@ pub const REPEATS: usize = 3;
 /// Solves all problems of a planner, in file order.
 ///
 /// The time is that of one planning call in a run: for RRT* and Hybrid A*, the search up to the finished path in a
-/// solver that keeps its memory; for FOT, the whole call including everything it builds. Computing length, curvature
-/// and clearance of the result is not timed for the former two.
+/// solver that keeps its memory; for FOT, the whole call including everything it builds; for another planner, its
+/// first call. Computing length, curvature and clearance of the result is timed for FOT only.
 pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<Solution> {
     let problems = &file.problems;
     match posed {
@@ -38,7 +39,23 @@ pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<S
             };
             problems.hybrid_astar.iter().map(solve).collect()
         }
+        Posed::Named(named) => problems.fot.iter().map(|problem| on_road(problem, *named)).collect(),
     }
+}
+
+/// Solves one road problem with a planner of the registry; a new one for each call, so that calls are independent.
+fn on_road(problem: &FotProblem, named: Named<'_>) -> Solution {
+    let road = match RoadProblem::new(problem, named.road) {
+        Ok(road) => road,
+        Err(reason) => return Solution { invalid: true, ..Solution::not_found(&problem.id, &reason, 0) },
+    };
+    let mut planners = [(); REPEATS].map(|()| named.planner());
+    let mut planners = planners.iter_mut();
+    let plan = || {
+        let planner = planners.next().expect("one per repetition");
+        planner.plan(&road.request(), &mut Unlimited::default())
+    };
+    timed(plan, |plan| road.solution(problem, &plan))
 }
 
 /// Calls `call` [`REPEATS`] times; returns the solution that `finish` makes of the last result, with the fastest time.

@@ -176,8 +176,9 @@ fn how_to_page_shows_the_command_output() {
     let args = PlanArgs {
         overwrite: OverwriteArgs::default(),
         file: "detour".into(),
-        planner: PosedPlanner::RrtStar,
+        planner: "rrt_star".into(),
         discretisation: "fast".into(),
+        set: Vec::new(),
         preset: PresetName::Best,
         json: false,
         pictures: None,

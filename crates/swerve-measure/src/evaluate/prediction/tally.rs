@@ -34,7 +34,7 @@ pub struct Figures {
     pub(crate) brier_min_fde_m: f64,
     /// Share of windows in which all of these modes end more than 2 m off.
     pub(crate) missed: f64,
-    /// Negative log-likelihood per step, nats, with positions in metres.
+    /// Negative log-likelihood per step, nats, with positions in metres; NaN without covariances.
     pub nll: f64,
     /// Shares of final positions within the regions of 50, 80, 90 and 95 %.
     pub(crate) coverage: Option<[f64; 4]>,
@@ -184,13 +184,17 @@ impl Tally {
             };
             forecast.modes.iter().map(part).collect()
         };
-        let nats = (0..steps).map(|k| nll(&mixture(k), window.truth[k])).sum::<f64>() / steps as f64;
+        let has_spread = mixture(steps - 1).iter().all(|part| part.covariance_m2 != [0.0; 3]);
+        let nats = match has_spread {
+            true => (0..steps).map(|k| nll(&mixture(k), window.truth[k])).sum::<f64>() / steps as f64,
+            false => f64::NAN,
+        };
         self.windows += 1;
         let missed = f64::from(u8::from(best.missed));
         let one =
             [best.ade_m, best.fde_m, best.min_ade_m, best.min_fde_m, best.brier_min_fde_m, missed, nats];
         self.sums.iter_mut().zip(one).for_each(|(sum, one)| *sum += one);
-        if let Some(region) = Gaussian::of_mixture(&mixture(steps - 1)) {
+        if has_spread && let Some(region) = Gaussian::of_mixture(&mixture(steps - 1)) {
             let ends = forecast.modes[0].path[steps].at;
             self.judge_region(&region, window.truth[steps - 1], ends);
         }

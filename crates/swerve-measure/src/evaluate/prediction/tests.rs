@@ -12,7 +12,7 @@ struct Cli {
 fn run(dir: &Path, more: &[&str]) -> anyhow::Result<String> {
     let dir = dir.to_string_lossy();
     let words = ["eval", &dir, "--format", "eth_ucy"].into_iter().chain(more.iter().copied());
-    told(&Cli::try_parse_from(words)?.args)
+    told(&Cli::try_parse_from(words)?.args, &Registry::standard())
 }
 
 /// Two pedestrians walk straight on, one of them with a missing frame, and a third turns aside by 2.5 m at the end.
@@ -117,7 +117,10 @@ fn unusable_recordings_are_reported_in_one_line() {
     let dir = tempfile::tempdir().unwrap();
     let said = |more: &[&str]| run(dir.path(), more).unwrap_err().to_string();
     assert!(said(&[]).ends_with("expected files that end in .txt, found none"));
-    assert!(said(&["--predictor", "oracle"]).contains("expected all or one of linear, constant_velocity"));
+    assert!(
+        said(&["--predictor", "oracle"])
+            .contains("expected \"all\" or one of \"linear\", \"constant_velocity\"")
+    );
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n0 1 x 3\n").unwrap();
     assert!(said(&[]).ends_with("a.txt:2: x: expected a number of at most 10000000, found `x`"));
     // A recording without long enough tracks is not an error.
@@ -152,7 +155,7 @@ fn recordings_get_lanes_of_maps_beside_them() {
     let report = || {
         let dir = dir.path().to_string_lossy().into_owned();
         let words = ["eval", &dir].into_iter().chain(more).chain(["--json"]);
-        told(&Cli::try_parse_from(words)?.args)
+        told(&Cli::try_parse_from(words)?.args, &Registry::standard())
     };
     let lanes = || serde_json::from_str::<Value>(&report().unwrap()).unwrap()["files"][0]["lanes"].clone();
     let counts = |own: u32, placed: u32, without: u32| serde_json::json!({ "own": own, "placed": placed, "without": without });
