@@ -14,8 +14,8 @@ use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
 use swerve_vehicle::Limits;
 
 use crate::assembly::{Assembly, Placed};
-use crate::config::Config;
 use crate::kind::{Heavy, Node, OperatorKind, Settings, span_of_ms};
+use crate::setup::Setup;
 use crate::site::Site;
 
 /// An external agent, by the operator that it replaces.
@@ -69,8 +69,8 @@ impl Agent {
     ///
     /// # Errors
     /// The pipeline has no such operator, or the configuration makes no pipeline.
-    pub fn operator(&self, config: &Config) -> anyhow::Result<String> {
-        let assembly = Assembly::new(config)?;
+    pub fn operator(&self, setup: &Setup) -> anyhow::Result<String> {
+        let assembly = Assembly::new(setup)?;
         Ok(self.place(&assembly)?.name.clone())
     }
 
@@ -84,10 +84,10 @@ impl Agent {
     }
 
     /// Time between two decisions.
-    pub fn period(&self, config: &Config) -> Span {
+    pub fn period(&self, setup: &Setup) -> Span {
         span_of_ms(match self {
-            Self::Command(_) => config.control.period_ms,
-            Self::Plan(_) | Self::Target(_) => config.sensing.period_ms,
+            Self::Command(_) => setup.control.period_ms,
+            Self::Plan(_) | Self::Target(_) => setup.sensing.period_ms,
         })
     }
 
@@ -95,23 +95,23 @@ impl Agent {
     ///
     /// # Errors
     /// The safety gate is enabled and the agent decides pedals: the gate takes motion.
-    pub(crate) fn placed_in(&self, config: &Config) -> anyhow::Result<Config> {
+    pub(crate) fn placed_in(&self, setup: &Setup) -> anyhow::Result<Setup> {
         anyhow::ensure!(
-            !(config.gate.enabled && matches!(self, Self::Command(_))),
+            !(setup.gate.enabled && matches!(self, Self::Command(_))),
             "gate.enabled: the gate takes motion, an agent in the place of the controller gives pedals; \
              expected false, or an agent in the place of the planner"
         );
-        let assembly = Assembly::new(config)?;
+        let assembly = Assembly::new(setup)?;
         let place = self.place(&assembly)?;
-        let mut config = config.clone();
+        let mut setup = setup.clone();
         let kind = AgentKind { agent: self.clone(), in_place_of: place.kind.clone() };
-        config.registry = config.registry.clone().with_kind(kind);
-        config.operator.entry(place.name.clone()).or_default().kind = Some(KIND.to_owned());
+        setup.registry = setup.registry.clone().with_kind(kind);
+        setup.operator.entry(place.name.clone()).or_default().kind = Some(KIND.to_owned());
         // Plans have no reader where the agent replaces the controller.
         if let (Self::Command(_), Some(planner)) = (self, assembly.publisher::<Plan>()) {
-            config.operator.entry(planner.to_owned()).or_default().enabled = Some(false);
+            setup.operator.entry(planner.to_owned()).or_default().enabled = Some(false);
         }
-        Ok(config)
+        Ok(setup)
     }
 }
 
@@ -166,12 +166,12 @@ impl OperatorKind for AgentKind {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let timer = Some(every(self.agent.period(site.config())));
+        let timer = Some(every(self.agent.period(site.setup())));
         match &self.agent {
             Agent::Command(seat) => site.add(Decided(seat.clone()), timer),
             Agent::Plan(seat) => site.add(Decided(seat.clone()), timer),
             Agent::Target(seat) => {
-                let limits = site.config().sim.vehicle.limits;
+                let limits = site.setup().sim.vehicle.limits;
                 let route = site.surroundings().route.clone();
                 site.add(TargetPlanner { seat: seat.clone(), route, limits }, timer)
             }

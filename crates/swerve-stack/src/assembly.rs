@@ -14,9 +14,10 @@ use std::sync::Arc;
 use swerve_core::Span;
 use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 
+use crate::config::OperatorConfig;
 use crate::config::resolved::Resolved;
-use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
+use crate::setup::Setup;
 use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::{did_you_mean, nearest};
 
@@ -47,7 +48,7 @@ pub struct Placed {
     /// Outputs.
     pub outputs: Vec<Output>,
     /// The configuration as changed by the operator's own keys; `None` if they change nothing.
-    config: Option<Arc<Config>>,
+    setup: Option<Arc<Setup>>,
     /// Resolved settings of that configuration.
     pub resolved: Arc<Resolved>,
     /// Period or fixed deadline, under the models of `[execution]` that have one.
@@ -90,9 +91,9 @@ pub struct Output {
 
 impl Placed {
     /// The operator's view of the configuration.
-    pub fn settings<'a>(&'a self, config: &'a Config) -> Settings<'a> {
-        let config = self.config.as_deref().unwrap_or(config);
-        Settings { name: &self.name, config, offered: &self.offered }
+    pub fn settings<'a>(&'a self, setup: &'a Setup) -> Settings<'a> {
+        let setup = self.setup.as_deref().unwrap_or(setup);
+        Settings { name: &self.name, setup, offered: &self.offered }
     }
 }
 
@@ -101,9 +102,9 @@ impl Assembly {
     ///
     /// # Errors
     /// All problems of `[operator.NAME]` tables and of the operators' inputs, by key.
-    pub fn new(config: &Config) -> anyhow::Result<Self> {
+    pub fn new(setup: &Setup) -> anyhow::Result<Self> {
         let mut problems = KeyProblems::new();
-        let assembly = Self::with_problems(config, &mut problems);
+        let assembly = Self::with_problems(setup, &mut problems);
         let lines: Vec<String> = problems.iter().map(|(key, message)| format!("{key}: {message}")).collect();
         anyhow::ensure!(lines.is_empty(), lines.join("\n"));
         Ok(assembly)
@@ -111,27 +112,27 @@ impl Assembly {
 
     /// As [`new`](Self::new), as far as possible. Adds its problems to the `problems` already known, except those that
     /// only follow from them.
-    pub(crate) fn with_problems(config: &Config, problems: &mut KeyProblems) -> Self {
-        let entries = base::entries(config);
-        let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
+    pub(crate) fn with_problems(setup: &Setup, problems: &mut KeyProblems) -> Self {
+        let entries = base::entries(setup);
+        let node = |own: &OperatorConfig| Some(setup.registry.kind(own.kind.as_deref()?)?.node());
         let mut known: Vec<_> = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
-        let resolved = Arc::new(Resolved::new(config, problems));
+        let resolved = Arc::new(Resolved::new(setup, problems));
         for (name, own) in entries {
-            operators.extend(placed((config, &resolved), (name, own), problems));
+            operators.extend(placed((setup, &resolved), (name, own), problems));
         }
-        check_outside(config, &operators, problems);
+        check_outside(setup, &operators, problems);
         let offered: Arc<[PayloadType]> = offered(&operators);
         for placed in &mut operators {
             placed.offered = offered.clone();
-            let settings = placed.settings(config);
+            let settings = placed.settings(setup);
             placed.inputs = ports(&settings, &placed.kind);
         }
-        links::link(&mut operators, config, problems);
+        links::link(&mut operators, setup, problems);
         for (name, node) in &mut known {
             let placed = operators.iter().find(|placed| placed.name == *name);
             if let (Some(node), Some(placed)) = (node, placed) {
-                node.stays = placed.kind.stays(&placed.settings(config));
+                node.stays = placed.kind.stays(&placed.settings(setup));
             }
         }
         Self { operators, known }
@@ -196,52 +197,52 @@ impl Assembly {
 
     /// The pipeline as TOML that reproduces it: the settings of `config`, and every operator with its kind and inputs.
     /// `graph` adds comments on how operators run.
-    pub fn to_toml(&self, config: &Config, graph: &GraphInfo) -> String {
-        written::written(self, config, graph)
+    pub fn to_toml(&self, setup: &Setup, graph: &GraphInfo) -> String {
+        written::written(self, setup, graph)
     }
 }
 
 /// Builds an operator and its ports; `None` if it takes no part under its settings.
 fn placed(
-    (config, base): (&Config, &Arc<Resolved>),
+    (setup, base): (&Setup, &Arc<Resolved>),
     (name, own): (String, OperatorConfig),
     problems: &mut KeyProblems,
 ) -> Option<Placed> {
     let Some(kind) = &own.kind else {
         // A monitor of an unknown sensor has no entry either; `check_monitors` reports it.
-        if !config.monitor.contains_key(&name) {
-            problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
+        if !setup.monitor.contains_key(&name) {
+            problems.push((format!("operator.{name}"), unknown_operator(setup, &name)));
         }
         return None;
     };
-    let Some(kind) = config.registry.kind(kind).cloned() else {
-        problems.push((format!("operator.{name}.kind"), unknown_kind(config, kind)));
+    let Some(kind) = setup.registry.kind(kind).cloned() else {
+        problems.push((format!("operator.{name}.kind"), unknown_kind(setup, kind)));
         return None;
     };
     if own.enabled == Some(false) {
         return None;
     }
-    let view = settings::view(config, &name, &*kind, &own.keys);
+    let view = settings::view(setup, &name, &*kind, &own.keys);
     let view = view.unwrap_or_else(|wrong| {
         problems.extend(wrong);
         None
     });
     let (config_of_its_own, resolved) =
-        view.map_or((None, None), |(config, resolved)| (Some(config), Some(resolved)));
+        view.map_or((None, None), |(setup, resolved)| (Some(setup), Some(resolved)));
     let mut placed = Placed {
         name,
         kind,
         own,
         inputs: Vec::new(),
         outputs: Vec::new(),
-        config: config_of_its_own.map(Arc::new),
+        setup: config_of_its_own.map(Arc::new),
         resolved: resolved.map_or_else(|| base.clone(), Arc::new),
         length: None,
         offered: Arc::new([]),
     };
-    let settings = placed.settings(config);
+    let settings = placed.settings(setup);
     if !placed.kind.is_there(&settings) {
-        if config.operator.get(&placed.name).is_some_and(|asked| asked.kind.is_some()) {
+        if setup.operator.get(&placed.name).is_some_and(|asked| asked.kind.is_some()) {
             problems.push((format!("operator.{}.kind", placed.name), takes_no_part(&placed.kind.node())));
         }
         return None;
@@ -256,23 +257,18 @@ fn placed(
     });
     placed.outputs = outputs.collect();
     placed.length =
-        placed.kind.node().scheduled.and_then(|scheduled| length(scheduled, &placed, config, problems));
+        placed.kind.node().scheduled.and_then(|scheduled| length(scheduled, &placed, setup, problems));
     Some(placed)
 }
 
 /// Period or fixed deadline of an operator that a model of `[execution]` schedules; problems are reported.
-fn length(
-    scheduled: Scheduled,
-    placed: &Placed,
-    config: &Config,
-    problems: &mut KeyProblems,
-) -> Option<Span> {
-    let takes_ms = placed.kind.takes_ms(&placed.settings(config));
-    let config = placed.settings(config).config;
-    for (key, message) in scheduled.problems(config, &placed.own) {
+fn length(scheduled: Scheduled, placed: &Placed, setup: &Setup, problems: &mut KeyProblems) -> Option<Span> {
+    let takes_ms = placed.kind.takes_ms(&placed.settings(setup));
+    let setup = placed.settings(setup).setup;
+    for (key, message) in scheduled.problems(setup, &placed.own) {
         problems.push((format!("operator.{}.{key}", placed.name), message.into()));
     }
-    scheduled.length(config, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
+    scheduled.length(setup, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
         let problem = (format!("execution.{}", scheduled.key()), message);
         // Several detectors or planners would report the same problem.
         if !problems.contains(&problem) {
@@ -294,8 +290,8 @@ fn offered(operators: &[Placed]) -> Arc<[PayloadType]> {
 
 /// Checks the environment of the stack: one simulated world, or a vehicle and the kinds that only it feeds; and that an
 /// emulated detector is enabled or replaced.
-fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProblems) {
-    let is_simulated = config.live.is_none();
+fn check_outside(setup: &Setup, operators: &[Placed], problems: &mut KeyProblems) {
+    let is_simulated = setup.live.is_none();
     let worlds = operators.iter().filter(|placed| placed.kind.node().role == Role::World);
     for second in worlds.skip(usize::from(is_simulated)) {
         let message = match is_simulated {
@@ -316,11 +312,11 @@ fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProble
         let boxes = PayloadType::of::<Detections>();
         placed.outputs.iter().any(|output| output.port.payload == boxes)
     };
-    let is_left_out = config.operator.get("detector").is_some_and(|own| own.enabled == Some(false));
-    if config.perception.emulates() && is_left_out && !operators.iter().any(detects) {
+    let is_left_out = setup.operator.get("detector").is_some_and(|own| own.enabled == Some(false));
+    if setup.perception.emulates() && is_left_out && !operators.iter().any(detects) {
         let message = format!(
             "`perception.detector` is `{}`, and nothing else detects: expected true, or the detector `truth`",
-            config.perception.detector
+            setup.perception.detector
         );
         problems.push(("operator.detector.enabled".into(), message));
     }
@@ -336,8 +332,8 @@ fn takes_no_part(node: &Node) -> String {
     format!("`{}` takes no part in this pipeline, which is set by {by}", node.kind)
 }
 
-fn unknown_operator(config: &Config, name: &str) -> String {
-    let names: Vec<String> = base::entries(config)
+fn unknown_operator(setup: &Setup, name: &str) -> String {
+    let names: Vec<String> = base::entries(setup)
         .into_iter()
         .filter(|(_, own)| own.kind.is_some())
         .map(|(name, _)| name)
@@ -350,8 +346,8 @@ fn unknown_operator(config: &Config, name: &str) -> String {
 }
 
 /// Error message for an unknown kind. A name that is close to none is taken for a custom kind rather than a typo.
-fn unknown_kind(config: &Config, kind: &str) -> String {
-    let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
+fn unknown_kind(setup: &Setup, kind: &str) -> String {
+    let names: Vec<&str> = setup.registry.kinds().map(|kind| kind.node().kind).collect();
     let own = match nearest(kind, names.iter().copied()) {
         Some(_) => "",
         None => {

@@ -59,15 +59,14 @@ use planner::within;
 pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};
 pub use prediction::{PredictionConfig, PredictorName};
 use process::{ProcessConfig, SharedMemoryConfig};
-use programs::Consent;
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
 use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
-use crate::course::Course;
 use crate::named::Name;
 use crate::registry::Registry;
+use crate::setup::Setup;
 
 /// A whole configuration: operators, their run times, and recording.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -145,15 +144,6 @@ pub struct Config {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[ranges(nested)]
     pub live: Option<LiveConfig>,
-    /// Kinds of operators that it can name.
-    #[serde(skip)]
-    pub registry: Registry,
-    /// Commands that the simulated world replays first, and the record of those that it took.
-    #[serde(skip)]
-    pub course: Option<Course>,
-    /// Programs that the user allows it to start.
-    #[serde(skip)]
-    pub consent: Consent,
 }
 
 impl Default for Config {
@@ -185,9 +175,6 @@ impl Default for Config {
             ros2: toml::Table::new(),
             source: None,
             live: None,
-            registry: Registry::standard(),
-            course: None,
-            consent: Consent::default(),
         }
     }
 }
@@ -370,7 +357,9 @@ impl Config {
         };
         self.control.controller.as_ref().map_or(usual, ControllerName::as_str)
     }
+}
 
+impl Setup {
     /// Builds the controller, for the configured vehicle.
     ///
     /// # Errors

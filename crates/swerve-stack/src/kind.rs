@@ -15,6 +15,7 @@ use swerve_scenario::sensor_phase;
 use crate::config::Config;
 use crate::config::clock::Clock;
 use crate::registry::Registry;
+use crate::setup::Setup;
 use crate::site::Site;
 
 /// Problems of settings, by key.
@@ -195,7 +196,7 @@ pub struct Settings<'a> {
     /// Name of the operator.
     pub name: &'a str,
     /// The configuration, with the keys of `[operator.NAME]` applied to the sections of its kind.
-    pub config: &'a Config,
+    pub setup: &'a Setup,
     /// Message types that the operators of the pipeline publish.
     pub offered: &'a [PayloadType],
 }
@@ -213,8 +214,8 @@ impl Settings<'_> {
 
     /// First tick of such a timer.
     pub fn phase(&self, period: Span) -> Span {
-        let Config { seed, sim, .. } = self.config;
-        match sim.draws && self.config.live.is_none() {
+        let Config { seed, sim, .. } = &self.setup.config;
+        match sim.draws && self.setup.live.is_none() {
             true => sensor_phase(*seed, self.name, period, span_of_ms(sim.dt_ms)),
             false => Span::ZERO,
         }
@@ -222,7 +223,7 @@ impl Settings<'_> {
 
     /// Returns true if the run is under wall clock.
     pub fn on_wall_clock(&self) -> bool {
-        self.config.clock.source == Clock::Wall
+        self.setup.clock.source == Clock::Wall
     }
 }
 
@@ -389,7 +390,7 @@ impl<K: Kind> Registered<K> {
         if !K::NODE.sections.is_empty() || K::NODE.named_section.is_some() {
             return Ok(K::Table::default());
         }
-        let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
+        let own = settings.setup.operator.get(settings.name).map(|own| own.keys.clone());
         swerve_text::read(&own.unwrap_or_default()).map_err(|problems| swerve_text::in_one_line(&problems))
     }
 }

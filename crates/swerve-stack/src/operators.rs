@@ -101,12 +101,12 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(inputs::source::<Supervision>(
             "process_events",
             "what becomes of the run's processes",
-            |s| s.on_wall_clock() && !s.config.process.is_empty(),
+            |s| s.on_wall_clock() && !s.setup.process.is_empty(),
         ))
         .with_kind(inputs::source::<WireAlarm>(
             "wire_alarm_input",
             "faults of the connection between a vehicle and its driver",
-            |s| s.on_wall_clock() && (s.config.live.is_some() || s.config.is_driven_over_ros2()),
+            |s| s.on_wall_clock() && (s.setup.live.is_some() || s.setup.is_driven_over_ros2()),
         ))
         .with_kind(inputs::source::<MotionCommand>("command_input", "what another stack asks for", |_| true))
         .with_kind(inputs::source::<EgoState>("pose_input", "poses that a vehicle reports", |_| true))

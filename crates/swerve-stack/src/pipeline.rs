@@ -12,10 +12,10 @@ use swerve_vehicle::VehicleParams;
 
 use crate::agent::Agent;
 use crate::assembly::{Assembly, Placed, on_road};
-use crate::config::Config;
 use crate::config::clock::Clock;
 use crate::config::execution::{parse_policy, span_ms};
 use crate::kind::{Heavy, Node, span_of_ms};
+use crate::setup::Setup;
 use crate::site::{Building, Site, Surroundings};
 use crate::stage::{self, Rendered, SharedStage, StreamMemory};
 
@@ -52,10 +52,10 @@ impl Pipeline {
     ///
     /// # Errors
     /// If the configuration requests something unavailable.
-    pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
-        let pipeline = Self::build_without_stage(config, scenario)?;
+    pub fn build(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
+        let pipeline = Self::build_without_stage(setup, scenario)?;
         if let Some(stage) = &pipeline.stage {
-            stage.raise(config, &pipeline.scenario).context("building the pipeline")?;
+            stage.raise(setup, &pipeline.scenario).context("building the pipeline")?;
         }
         Ok(pipeline)
     }
@@ -64,26 +64,26 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`build`](Self::build).
-    pub fn build_for(config: &Config, scenario: &Scenario, agent: &Agent) -> anyhow::Result<Self> {
-        Self::build(&agent.placed_in(config)?, scenario)
+    pub fn build_for(setup: &Setup, scenario: &Scenario, agent: &Agent) -> anyhow::Result<Self> {
+        Self::build(&agent.placed_in(setup)?, scenario)
     }
 
     /// As [`build`](Self::build), for a process that steps no cameras and lidars.
     ///
     /// # Errors
     /// As [`build`](Self::build).
-    pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
-        let config = on_road(config, &scenario.road);
-        let config = &*config;
-        let scenario = drawn(config, scenario);
-        let assembly = Assembly::new(config)?;
-        let (route, vehicle) = (scenario.road.route(), config.sim.vehicle.clone());
+    pub fn build_without_stage(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
+        let setup = on_road(setup, &scenario.road);
+        let setup = &*setup;
+        let scenario = drawn(setup, scenario);
+        let assembly = Assembly::new(setup)?;
+        let (route, vehicle) = (scenario.road.route(), setup.sim.vehicle.clone());
         let around = Surroundings { scenario, route, vehicle };
         let Building { graph, memory, sources, stage, last_fault, .. } =
-            assemble(config, &assembly, &around).context("building the pipeline")?;
+            assemble(setup, &assembly, &around).context("building the pipeline")?;
         let Surroundings { scenario, route, vehicle } = around;
-        let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(config.sim.dt_ms));
-        let clock = config.clock.source;
+        let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(setup.sim.dt_ms));
+        let clock = setup.clock.source;
         Ok(Self {
             graph,
             assembly,
@@ -138,31 +138,31 @@ fn last_step(timeout: Span, dt: Span) -> Time {
 }
 
 /// The scenario with the configuration's speed, as its seed varies it.
-pub fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
+pub fn drawn(setup: &Setup, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
-    if let Some(speed) = config.ego.speed_mps {
+    if let Some(speed) = setup.ego.speed_mps {
         scenario.ego.target_speed_mps = speed;
     }
-    if config.is_driven_over_ros2() {
+    if setup.is_driven_over_ros2() {
         // The other stack is not connected yet.
         scenario.ego.start_speed_mps = Some(0.0);
     }
-    if config.sim.draws && config.live.is_none() { scenario.drawn(config.seed) } else { scenario }
+    if setup.sim.draws && setup.live.is_none() { scenario.drawn(setup.seed) } else { scenario }
 }
 
 /// Adds every operator with its `[operator.NAME]` settings and the faults on its streams, in the order of the assembly.
-fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -> anyhow::Result<Building> {
+fn assemble(setup: &Setup, assembly: &Assembly, surroundings: &Surroundings) -> anyhow::Result<Building> {
     let mut building = Building::default();
-    let resources: BTreeMap<&str, swerve_flow::Resource> = config
+    let resources: BTreeMap<&str, swerve_flow::Resource> = setup
         .resource
         .iter()
         .map(|(name, resource)| (name.as_str(), building.graph.resource(name, resource.slots)))
         .collect();
     for placed in assembly.operators() {
-        placed.kind.add(&mut Site { building: &mut building, assembly, placed, config, surroundings })?;
+        placed.kind.add(&mut Site { building: &mut building, assembly, placed, setup, surroundings })?;
         let resource = placed.own.uses.as_deref().and_then(|name| resources.get(name)).copied();
-        configure(&mut building.graph, config, placed, resource)?;
-        put_faults(&mut building, config, placed)?;
+        configure(&mut building.graph, setup, placed, resource)?;
+        put_faults(&mut building, setup, placed)?;
     }
     for (feedback, edge) in core::mem::take(&mut building.loops) {
         let befallen = building.befallen.get(&edge.stream).filter(|_| !edge.raw).copied();
@@ -176,13 +176,13 @@ fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -
 /// Sets run time, policy, deadline, resource and delay of an operator.
 fn configure(
     graph: &mut Graph,
-    config: &Config,
+    setup: &Setup,
     placed: &Placed,
     resource: Option<swerve_flow::Resource>,
 ) -> anyhow::Result<()> {
     let name = &placed.name;
     let wrong = |message: String| anyhow!("operator.{name}: {message}");
-    let (own, settings) = (&placed.own, placed.settings(config));
+    let (own, settings) = (&placed.own, placed.settings(setup));
     let way = placed.kind.on_its_way(&settings);
     let mut node = graph.operator(name)?;
     node = node.runtime(match (&own.runtime, &way) {
@@ -209,22 +209,22 @@ fn configure(
         Heavy::OnWallClock => settings.on_wall_clock(),
         Heavy::No => false,
     };
-    let _configured = if is_heavy || config.process_of(name).is_some() { node.heavy() } else { node };
+    let _configured = if is_heavy || setup.process_of(name).is_some() { node.heavy() } else { node };
     Ok(())
 }
 
 /// Adds the configuration's faults between an operator's streams and their readers.
-fn put_faults(building: &mut Building, config: &Config, placed: &Placed) -> anyhow::Result<()> {
+fn put_faults(building: &mut Building, setup: &Setup, placed: &Placed) -> anyhow::Result<()> {
     for (k, output) in placed.outputs.iter().enumerate() {
         let on_it = |name: &str| name == output.stream || (k == 0 && name == placed.name);
-        for (name, fault) in config.fault.iter().filter(|(_, fault)| on_it(&fault.stream)) {
-            let corruptible = config.registry.corruptible(output.port.payload);
+        for (name, fault) in setup.fault.iter().filter(|(_, fault)| on_it(&fault.stream)) {
+            let corruptible = setup.registry.corruptible(output.port.payload);
             let corruptible = corruptible
                 .with_context(|| format!("fault.{name}: no fault befalls `{}`", output.port.payload))?;
             let stream = building.befallen.get(&output.stream).copied();
             let stream = stream.or_else(|| building.graph.stream(&output.stream));
             let stream = stream.with_context(|| format!("there is no stream `{}`", output.stream))?;
-            let befallen = corruptible.put_on(&mut building.graph, stream, (name, fault), config.seed)?;
+            let befallen = corruptible.put_on(&mut building.graph, stream, (name, fault), setup.seed)?;
             building.befallen.insert(output.stream.clone(), befallen);
             building.last_fault.insert(output.stream.clone(), name.clone());
         }

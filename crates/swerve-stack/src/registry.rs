@@ -27,6 +27,7 @@ use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odomet
 use crate::named::{Named, Of};
 use crate::planners::{AnyPlanner, NamedPlanner};
 use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
+use crate::setup::Setup;
 use crate::trackers::{AnyTracker, NamedTracker};
 use crate::{localizers, operators};
 
@@ -221,15 +222,15 @@ impl Registry {
 
     /// Message types that its kinds read and publish, by name.
     pub(crate) fn messages(&self) -> Vec<PayloadType> {
-        let usual = Config::default();
+        let usual = Setup::new(Config::default(), self);
         let mut periodic = usual.clone();
         // Some ports exist only under certain settings.
         (periodic.execution.model, periodic.perception.detector) = (Model::Periodic, CUSTOM.to_owned());
         let boxes = [PayloadType::of::<Detections>()];
         let mut messages = Vec::new();
         for kind in self.kinds() {
-            for (config, offered) in [(&usual, &[][..]), (&periodic, &boxes[..])] {
-                let settings = Settings { name: kind.node().kind, config, offered };
+            for (setup, offered) in [(&usual, &[][..]), (&periodic, &boxes[..])] {
+                let settings = Settings { name: kind.node().kind, setup, offered };
                 messages.extend(kind.outputs(&settings).into_iter().map(|port| port.payload));
                 messages.extend(kind.inputs(&settings).into_iter().filter_map(|port| port.payload));
             }
@@ -250,13 +251,6 @@ impl Registry {
 impl Default for Registry {
     fn default() -> Self {
         Self::standard()
-    }
-}
-
-/// Always equal: configurations do not differ by kinds that they do not name.
-impl PartialEq for Registry {
-    fn eq(&self, _: &Self) -> bool {
-        true
     }
 }
 

@@ -17,6 +17,7 @@ use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::resolved::Resolved;
 use crate::kind::Settings;
+use crate::setup::Setup;
 use crate::stage::{SharedStage, StreamMemory};
 
 /// Scenario, route and vehicle that the operators of a drive are built for.
@@ -52,7 +53,7 @@ pub struct Site<'a> {
     pub(crate) building: &'a mut Building,
     pub(crate) assembly: &'a Assembly,
     pub(crate) placed: &'a Placed,
-    pub(crate) config: &'a Config,
+    pub(crate) setup: &'a Setup,
     pub(crate) surroundings: &'a Surroundings,
 }
 
@@ -64,12 +65,17 @@ impl Site<'_> {
 
     /// Settings of the operator.
     pub fn settings(&self) -> Settings<'_> {
-        self.placed.settings(self.config)
+        self.placed.settings(self.setup)
+    }
+
+    /// The setup, with the configuration as it applies to the operator.
+    pub fn setup(&self) -> &Setup {
+        self.settings().setup
     }
 
     /// The configuration as it applies to the operator.
     pub fn config(&self) -> &Config {
-        self.settings().config
+        self.setup()
     }
 
     /// Resolved settings of the operator.
@@ -80,7 +86,7 @@ impl Site<'_> {
     /// Timer of the operator under the periodic execution model.
     pub(crate) fn own_timer(&self) -> Option<Timer> {
         let settings = self.settings();
-        let length = self.placed.length.filter(|_| settings.config.execution.model == Model::Periodic);
+        let length = self.placed.length.filter(|_| settings.setup.execution.model == Model::Periodic);
         length.map(|length| settings.drawn_timer(length))
     }
 

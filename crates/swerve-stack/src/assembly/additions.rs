@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Assembly, Placed};
-use crate::config::Config;
+use crate::setup::Setup;
 
 /// An operator that reads other streams because another operator was added.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -21,20 +21,20 @@ pub struct Redirected {
 impl Assembly {
     /// Operators that read a stream of an operator that `[operator.NAME] kind = ...` adds, although their own `reads` does
     /// not name it, and that would read another stream without it.
-    pub fn redirected(&self, config: &Config) -> Vec<Redirected> {
-        let is_added = |name: &&String| config.operator[*name].kind.is_some() && self.has(name);
-        config.operator.keys().filter(is_added).flat_map(|added| self.redirected_by(added, config)).collect()
+    pub fn redirected(&self, setup: &Setup) -> Vec<Redirected> {
+        let is_added = |name: &&String| setup.operator[*name].kind.is_some() && self.has(name);
+        setup.operator.keys().filter(is_added).flat_map(|added| self.redirected_by(added, setup)).collect()
     }
 
-    fn redirected_by(&self, added: &str, config: &Config) -> Vec<Redirected> {
-        let mut without = config.clone();
+    fn redirected_by(&self, added: &str, setup: &Setup) -> Vec<Redirected> {
+        let mut without = setup.clone();
         without.operator.remove(added);
         // Where the rest needs the operator nothing else was read before.
         let Ok(before) = Self::new(&without) else { return Vec::new() };
         let Some(publisher) = self.operator(added) else { return Vec::new() };
         let published: BTreeSet<&str> = publisher.outputs.iter().map(|output| &*output.stream).collect();
         let changed = |placed: &Placed| {
-            let is_named = config.operator.get(&placed.name).is_some_and(|own| !own.reads.is_empty());
+            let is_named = setup.operator.get(&placed.name).is_some_and(|own| !own.reads.is_empty());
             let (old, new) = (streams(before.operator(&placed.name)?), streams(placed));
             let reads: Vec<String> =
                 new.difference(&old).filter(|s| published.contains(**s)).map(own).collect();
@@ -65,9 +65,9 @@ mod tests {
 
     fn redirected(text: &str) -> Vec<Redirected> {
         let document = Document::parse("c.toml", text).unwrap();
-        let config = Config::from_document_with(&Registry::standard(), &document, &[]);
-        let config = config.unwrap_or_else(|problems| panic!("{problems:?}"));
-        Assembly::new(&config).unwrap().redirected(&config)
+        let setup = Setup::from_document_with(&Registry::standard(), &document, &[]);
+        let setup = setup.unwrap_or_else(|problems| panic!("{problems:?}"));
+        Assembly::new(&setup).unwrap().redirected(&setup)
     }
 
     #[test]

@@ -6,9 +6,10 @@ use std::sync::LazyLock;
 use swerve_scenario::Road;
 use toml::de::DeTable;
 
+use crate::config::OperatorConfig;
 use crate::config::execution::Runtime;
-use crate::config::{Config, OperatorConfig};
 use crate::kind::{Role, Scheduled, Settings};
+use crate::setup::Setup;
 
 /// A part of the pipeline: its operators, in order.
 struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
@@ -49,10 +50,10 @@ fn read(text: &str) -> Vec<(String, OperatorConfig)> {
 
 /// All operators that a configuration may have: the pipeline's own, then sensors with named tables after the other
 /// sensors, then those that `[operator.NAME]` adds, by name.
-pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
-    let (before, behind): (&[&Part], &[&Part]) = if config.live.is_some() {
+pub(super) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
+    let (before, behind): (&[&Part], &[&Part]) = if setup.live.is_some() {
         (&[&VEHICLE], &[&OBJECTS, &STACK, &GATE])
-    } else if config.is_driven_over_ros2() {
+    } else if setup.is_driven_over_ros2() {
         (&[&OUTSIDE, &WORLD], &[&CAR])
     } else {
         (&[&WORLD], &[&STACK, &CAR])
@@ -60,17 +61,17 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
     let of = |parts: &[&Part]| -> Vec<(String, OperatorConfig)> {
         parts.iter().flat_map(|part| part.0.iter().cloned()).collect()
     };
-    let mut entries = [of(before), sensors(config), of(behind)].concat();
+    let mut entries = [of(before), sensors(setup), of(behind)].concat();
     for (name, own) in &mut entries {
-        if let Some(set) = config.operator.get(name) {
+        if let Some(set) = setup.operator.get(name) {
             *own = changed(own, set);
         }
-        if config.localization.replaces(name) && own.enabled.is_none() {
+        if setup.localization.replaces(name) && own.enabled.is_none() {
             own.enabled = Some(false);
         }
     }
-    let mut new = config.operator.clone();
-    for (name, localizer) in config.localization.operators(&config.registry) {
+    let mut new = setup.operator.clone();
+    for (name, localizer) in setup.localization.operators(&setup.registry) {
         let own = new.get(&name).map_or_else(|| localizer.clone(), |set| changed(&localizer, set));
         new.insert(name, own);
     }
@@ -81,21 +82,21 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
 
 /// The configuration on this road. On a road with traffic lights the simulated stack sees them and stops at red ones.
 /// An operator of kind `traffic_lights` replaces the sensor, one of kind `stop_lines` turns both off.
-pub(crate) fn on_road<'a>(config: &'a Config, road: &Road) -> Cow<'a, Config> {
-    let has = |kind: &str| config.operator.values().any(|own| own.kind.as_deref() == Some(kind));
-    let is_simulated = config.live.is_none() && !config.is_driven_over_ros2();
+pub(crate) fn on_road<'a>(setup: &'a Setup, road: &Road) -> Cow<'a, Setup> {
+    let has = |kind: &str| setup.operator.values().any(|own| own.kind.as_deref() == Some(kind));
+    let is_simulated = setup.live.is_none() && !setup.is_driven_over_ros2();
     let plans =
-        config.operator.get("planner").is_none_or(|own| own.kind.is_none() && own.enabled != Some(false));
-    let is_asked = config.stops_at_lights() && is_simulated && plans;
+        setup.operator.get("planner").is_none_or(|own| own.kind.is_none() && own.enabled != Some(false));
+    let is_asked = setup.stops_at_lights() && is_simulated && plans;
     if road.lights.is_empty() || !is_asked || has("stop_lines") {
-        return Cow::Borrowed(config);
+        return Cow::Borrowed(setup);
     }
-    let mut config = config.clone();
+    let mut setup = setup.clone();
     for (name, own) in LIGHTS.0.iter().filter(|(name, _)| name != "lights" || !has("traffic_lights")) {
-        let set = config.operator.get(name).map_or_else(|| own.clone(), |set| changed(own, set));
-        config.operator.insert(name.clone(), set);
+        let set = setup.operator.get(name).map_or_else(|| own.clone(), |set| changed(own, set));
+        setup.operator.insert(name.clone(), set);
     }
-    Cow::Owned(config)
+    Cow::Owned(setup)
 }
 
 /// An operator of the pipeline with the settings of a configuration. An operator of another kind does not keep its
@@ -108,15 +109,15 @@ fn changed(base: &OperatorConfig, set: &OperatorConfig) -> OperatorConfig {
 }
 
 /// Cameras, radars and lidars, each followed by its monitors.
-fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
+fn sensors(setup: &Setup) -> Vec<(String, OperatorConfig)> {
     let of = |kind: &str| OperatorConfig { kind: Some(kind.to_owned()), ..OperatorConfig::default() };
     let mut entries = Vec::new();
-    let radars = config.radar.keys().map(|name| (name, "radar"));
-    let cameras = config.camera.keys().map(|name| (name, "camera"));
-    let lidars = config.lidar.keys().map(|name| (name, "lidar"));
+    let radars = setup.radar.keys().map(|name| (name, "radar"));
+    let cameras = setup.camera.keys().map(|name| (name, "camera"));
+    let lidars = setup.lidar.keys().map(|name| (name, "lidar"));
     for (name, kind) in radars.chain(cameras).chain(lidars) {
         entries.push((name.clone(), of(kind)));
-        let watching = config.monitor.iter().filter(|(_, monitor)| monitor.sensor == *name);
+        let watching = setup.monitor.iter().filter(|(_, monitor)| monitor.sensor == *name);
         entries.extend(watching.map(|(name, _)| (name.clone(), of("sensor_monitor"))));
     }
     entries
@@ -136,10 +137,10 @@ pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
 
 /// First enabled operator that the models of `[execution]` schedule as `scheduled`: its usual run time, ms, where that
 /// is known.
-pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Option<Option<f64>> {
-    entries(config).into_iter().filter(|(_, own)| own.enabled != Some(false)).find_map(|(name, own)| {
-        let kind = config.registry.kind(own.kind.as_deref()?)?;
-        let settings = Settings { name: &name, config, offered: &[] };
+pub(crate) fn scheduled_operator(setup: &Setup, scheduled: Scheduled) -> Option<Option<f64>> {
+    entries(setup).into_iter().filter(|(_, own)| own.enabled != Some(false)).find_map(|(name, own)| {
+        let kind = setup.registry.kind(own.kind.as_deref()?)?;
+        let settings = Settings { name: &name, setup, offered: &[] };
         let is_meant = kind.node().scheduled == Some(scheduled) && kind.is_there(&settings);
         let said_ms = own.runtime.as_ref().map(Runtime::typical_ms);
         is_meant.then(|| said_ms.or_else(|| kind.takes_ms(&settings).map(|[usual_ms, _]| usual_ms)))
@@ -147,8 +148,8 @@ pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Optio
 }
 
 /// Names of all sensors, running or not.
-pub(crate) fn sensor_operators(config: &Config) -> Vec<String> {
-    let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
+pub(crate) fn sensor_operators(setup: &Setup) -> Vec<String> {
+    let of = |own: &OperatorConfig| setup.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
     let is_sensor = |own: &OperatorConfig| of(own).is_some_and(|node| node.role == Role::Sensor);
-    entries(config).into_iter().filter(|(_, own)| is_sensor(own)).map(|(name, _)| name).collect()
+    entries(setup).into_iter().filter(|(_, own)| is_sensor(own)).map(|(name, _)| name).collect()
 }

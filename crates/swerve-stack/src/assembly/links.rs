@@ -7,36 +7,37 @@ use swerve_flow::{PayloadType, PortInfo};
 use swerve_text::is_within;
 
 use super::{Edge, Placed, base, one_of};
-use crate::config::{Config, Reads};
+use crate::config::Reads;
 use crate::kind::{KeyProblems, OperatorKind, Settings};
+use crate::setup::Setup;
 
 /// Links every operator to the streams that it reads, leaves out sensors without readers, and sorts the rest so that
 /// every operator comes after the publishers of the same-instant messages that it reads.
-pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut KeyProblems) {
+pub(super) fn link(operators: &mut Vec<Placed>, setup: &Setup, problems: &mut KeyProblems) {
     let streams = streams(operators);
     let is_whole = problems.is_empty();
     let mut wrong: Vec<(String, Vec<Wrong>)> = Vec::new();
     for placed in operators.iter_mut() {
         let mut own = KeyProblems::new();
-        let said = said(placed, config, &mut own);
+        let said = said(placed, setup, &mut own);
         let mut own: Vec<Wrong> = own.into_iter().map(Wrong::Said).collect();
         for input in &mut placed.inputs {
             let named = said.iter().find(|(port, _)| *port == input.port.name).map(|(_, reads)| reads);
             if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
                 continue;
             }
-            match edges((&placed.name, config), &input.port, named, &streams) {
+            match edges((&placed.name, setup), &input.port, named, &streams) {
                 Ok(edges) => input.from = edges,
                 Err(problem) => own.push(problem),
             }
         }
         wrong.push((placed.name.clone(), own));
     }
-    leave_out_unread(operators, config);
+    leave_out_unread(operators, setup);
     let is_there = |name: &String| operators.iter().any(|placed| placed.name == *name);
     let wrong: Vec<Wrong> =
         wrong.into_iter().filter(|(name, _)| is_there(name)).flat_map(|(_, own)| own).collect();
-    told(wrong, is_whole, config, problems);
+    told(wrong, is_whole, setup, problems);
     if problems.is_empty() {
         sort(operators, problems);
     }
@@ -49,11 +50,11 @@ fn is_told(stream: &str, problems: &KeyProblems) -> bool {
 }
 
 /// Operator with `enabled = false` that would publish messages of this type.
-fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
-    let mut entries = base::entries(config).into_iter().filter(|(_, own)| own.enabled == Some(false));
+fn left_out(payload: PayloadType, setup: &Setup) -> Option<String> {
+    let mut entries = base::entries(setup).into_iter().filter(|(_, own)| own.enabled == Some(false));
     let publishes = |(name, own): &(String, crate::config::OperatorConfig)| {
-        let settings = Settings { name, config, offered: &[] };
-        let kind = own.kind.as_deref().and_then(|kind| config.registry.kind(kind));
+        let settings = Settings { name, setup, offered: &[] };
+        let kind = own.kind.as_deref().and_then(|kind| setup.registry.kind(kind));
         kind.is_some_and(|kind| kind.outputs(&settings).iter().any(|port| port.payload == payload))
     };
     entries.find(publishes).map(|(name, _)| name)
@@ -61,10 +62,10 @@ fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
 
 /// End of an error message about a type that nothing publishes: kinds that would publish it, and the keys that add
 /// them.
-fn who_would(payload: PayloadType, config: &Config) -> String {
+fn who_would(payload: PayloadType, setup: &Setup) -> String {
     let would = |kind: &Arc<dyn OperatorKind>| {
         let node = kind.node();
-        let settings = Settings { name: node.kind, config, offered: &[] };
+        let settings = Settings { name: node.kind, setup, offered: &[] };
         let publishes = kind.outputs(&settings).iter().any(|port| port.payload == payload);
         // A kind that makes them from messages of the same type needs those first.
         if !publishes || kind.inputs(&settings).iter().any(|port| port.payload == Some(payload)) {
@@ -82,7 +83,7 @@ fn who_would(payload: PayloadType, config: &Config) -> String {
             (false, None) => None,
         }
     };
-    let ways: Vec<String> = config.registry.kinds().filter_map(would).map(|way| format!("`{way}`")).collect();
+    let ways: Vec<String> = setup.registry.kinds().filter_map(would).map(|way| format!("`{way}`")).collect();
     match ways.is_empty() {
         true => ": a custom operator can (`swerve operators` lists the available kinds)".to_owned(),
         false => format!(": {} adds one that does, or a custom operator", ways.join(" or ")),
@@ -99,7 +100,7 @@ enum Wrong {
 
 /// Reports the problems of ports. A missing input is not reported where operators are missing for another reason. A
 /// stream that the configuration adds to one already there is reported once rather than for every reader.
-fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyProblems) {
+fn told(wrong: Vec<Wrong>, is_whole: bool, setup: &Setup, problems: &mut KeyProblems) {
     let mut added: Vec<(String, PayloadType, Vec<String>, Vec<String>)> = Vec::new();
     for wrong in wrong {
         let (operator, port, payload, fits) = match wrong {
@@ -111,10 +112,10 @@ fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyPr
             Wrong::Unsaid { .. } => continue,
         };
         let names: Vec<String> = fits.iter().map(|(_, stream)| format!("\"{stream}\"")).collect();
-        let is_new = |name: &str| config.operator.get(name).is_some_and(|own| own.kind.is_some());
+        let is_new = |name: &str| setup.operator.get(name).is_some_and(|own| own.kind.is_some());
         let reader = format!("[operator.{operator}] reads = {{ {port} = \"...\" }}");
         if fits.is_empty() {
-            problems.push(match left_out(payload, config) {
+            problems.push(match left_out(payload, setup) {
                 Some(name) => {
                     let message =
                         format!("`{operator}` reads `{payload}`, which no other operator publishes");
@@ -123,7 +124,7 @@ fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyPr
                 None => {
                     let message = format!(
                         "reads `{payload}`, which no operator publishes{}",
-                        who_would(payload, config)
+                        who_would(payload, setup)
                     );
                     (format!("operator.{operator}.reads.{port}"), message)
                 }
@@ -177,19 +178,19 @@ fn streams(operators: &[Placed]) -> Vec<Offer> {
 }
 
 /// Inputs given for an operator's ports: by its table, else by its settings.
-fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(String, Reads)> {
+fn said(placed: &Placed, setup: &Setup, problems: &mut KeyProblems) -> Vec<(String, Reads)> {
     let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();
     let mut said: Vec<(String, Reads)> = Vec::new();
     for (port, reads) in &placed.own.reads {
         if ports.contains(&port.as_str()) {
             said.push((port.clone(), reads.clone()));
-        } else if config.operator.get(&placed.name).is_some_and(|own| own.reads.contains_key(port)) {
+        } else if setup.operator.get(&placed.name).is_some_and(|own| own.reads.contains_key(port)) {
             // The pipeline's own text names ports that a kind may lack under these settings.
             let key = format!("operator.{}.reads.{port}", placed.name);
-            problems.push((key, no_port(placed, port, config)));
+            problems.push((key, no_port(placed, port, setup)));
         }
     }
-    for (port, stream) in placed.kind.reads(&placed.settings(config)) {
+    for (port, stream) in placed.kind.reads(&placed.settings(setup)) {
         if !said.iter().any(|(known, _)| known == port) {
             said.push((port.to_owned(), Reads::Stream(stream)));
         }
@@ -198,13 +199,13 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
 }
 
 /// Error message for the name of a port: it does not exist, or exists only where something publishes its type.
-fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
+fn no_port(placed: &Placed, port: &str, setup: &Setup) -> String {
     let kind = placed.kind.node().kind;
-    let offered = config.registry.messages();
-    let with_all = placed.kind.inputs(&Settings { offered: &offered, ..placed.settings(config) });
+    let offered = setup.registry.messages();
+    let with_all = placed.kind.inputs(&Settings { offered: &offered, ..placed.settings(setup) });
     match with_all.iter().find(|info| info.name == port).and_then(|info| info.payload) {
         Some(payload) => {
-            let ways = who_would(payload, config);
+            let ways = who_would(payload, setup);
             format!(
                 "`{kind}` has this port where `{payload}` are published, and no operator publishes any{ways}"
             )
@@ -218,7 +219,7 @@ fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
 
 /// Edges of a port: from the streams named for it, else by its type.
 fn edges(
-    (operator, config): (&str, &Config),
+    (operator, setup): (&str, &Setup),
     port: &PortInfo,
     named: Option<&Reads>,
     streams: &[Offer],
@@ -232,14 +233,14 @@ fn edges(
         if !streams.iter().any(|offer| offer.payload == payload) {
             let message = format!(
                 "expected a stream of `{payload}`, which no operator publishes{}",
-                who_would(payload, config)
+                who_would(payload, setup)
             );
             return Err(Wrong::Said((key(), message)));
         }
         let edges = named_edges(port, payload, reads, streams)
             .map_err(|(last, message)| Wrong::Said((key() + last, message)))?;
         // Inputs set by another key are reported by the check of that key.
-        let is_own = config.operator.get(operator).is_some_and(|own| own.reads.contains_key(&*port.name));
+        let is_own = setup.operator.get(operator).is_some_and(|own| own.reads.contains_key(&*port.name));
         let is_read = |offer: &&Offer| edges.iter().any(|edge| edge.stream == offer.stream);
         return match streams.iter().filter(is_read).find_map(|offer| Some((offer, offer.empty.as_ref()?))) {
             Some((offer, why)) if is_own => {
@@ -309,7 +310,7 @@ fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> R
 }
 
 /// Leaves out on-demand operators that nothing reads or asks for.
-fn leave_out_unread(operators: &mut Vec<Placed>, config: &Config) {
+fn leave_out_unread(operators: &mut Vec<Placed>, setup: &Setup) {
     loop {
         let read: BTreeSet<&str> = operators
             .iter()
@@ -318,8 +319,8 @@ fn leave_out_unread(operators: &mut Vec<Placed>, config: &Config) {
             .collect();
         let is_wanted = |placed: &Placed| {
             !placed.kind.node().on_demand
-                || config.live.is_some()
-                || config.log.sensors.contains(&placed.name)
+                || setup.live.is_some()
+                || setup.log.sensors.contains(&placed.name)
                 || placed.outputs.iter().any(|output| read.contains(output.stream.as_str()))
         };
         let kept: Vec<bool> = operators.iter().map(is_wanted).collect();

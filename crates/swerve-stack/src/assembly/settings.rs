@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::config::resolved::Resolved;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
+use crate::setup::Setup;
 
 /// Keys of `[operator.NAME]` common to all operators, with their descriptions.
 pub const COMMON_KEYS: [(&str, &str); 8] = [
@@ -34,11 +35,11 @@ fn is_common(key: &str) -> bool {
 /// The configuration and resolved settings for an operator of this kind with these own keys; `None` where the keys
 /// change nothing.
 pub(super) fn view(
-    config: &Config,
+    setup: &Setup,
     name: &str,
     kind: &dyn OperatorKind,
     keys: &Table,
-) -> Result<Option<(Config, Resolved)>, KeyProblems> {
+) -> Result<Option<(Setup, Resolved)>, KeyProblems> {
     let node = kind.node();
     let own = |(key, message): (String, String)| {
         let dot = if key.is_empty() { "" } else { "." };
@@ -48,10 +49,10 @@ pub(super) fn view(
         return Ok(None);
     }
     if node.sections.is_empty() {
-        let wrong: KeyProblems = kind.problems(keys, &config.registry).into_iter().map(own).collect();
+        let wrong: KeyProblems = kind.problems(keys, &setup.registry).into_iter().map(own).collect();
         return if wrong.is_empty() { Ok(None) } else { Err(wrong) };
     }
-    let mut table = Table::try_from(config).expect("a configuration is plain tables and values");
+    let mut table = Table::try_from(&setup.config).expect("a configuration is plain tables and values");
     // The `[operator]` tables are applied separately.
     table.remove("operator");
     let mut wrong = KeyProblems::new();
@@ -64,10 +65,9 @@ pub(super) fn view(
     if !wrong.is_empty() {
         return Err(wrong);
     }
-    let mut changed: Config = swerve_text::read(&table).expect("every key of it was read");
-    changed.operator = config.operator.clone();
-    changed.registry = config.registry.clone();
-    let (before, _) = resolved(config);
+    let changed: Config = swerve_text::read(&table).expect("every key of it was read");
+    let changed = setup.with_config(Config { operator: setup.operator.clone(), ..changed });
+    let (before, _) = resolved(setup);
     let (after, resolved) = resolved(&changed);
     let is_new = |(key, message): &(String, String)| !before.contains(&(key.clone(), message.clone()));
     let in_section = |(key, message): (String, String)| {
@@ -79,9 +79,9 @@ pub(super) fn view(
 }
 
 /// All problems of a configuration's values, and the resolved settings.
-fn resolved(config: &Config) -> (KeyProblems, Resolved) {
-    let mut problems = config.problems_of_values();
-    let resolved = Resolved::new(config, &mut problems);
+fn resolved(setup: &Setup) -> (KeyProblems, Resolved) {
+    let mut problems = setup.problems_of_values();
+    let resolved = Resolved::new(setup, &mut problems);
     (problems, resolved)
 }
 

@@ -43,11 +43,11 @@ impl Operator for Fusion {
     }
 }
 
-fn read(text: &str, sets: &[&str]) -> Result<Config, Vec<String>> {
+fn read(text: &str, sets: &[&str]) -> Result<Setup, Vec<String>> {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
     let document = Document::parse("c.toml", text).unwrap();
     let registry = Registry::standard().with::<Fusion>();
-    Config::from_document_with(&registry, &document, &sets)
+    Setup::from_document_with(&registry, &document, &sets)
         .map_err(|problems| problems.iter().map(ToString::to_string).collect())
 }
 
@@ -104,7 +104,7 @@ fn printed_pipeline_makes_the_same_graph() {
         let config = read(text, &[]).unwrap_or_else(|problems| panic!("{text}{problems:#?}"));
         for scenario in scenarios.iter().skip(k % 3).step_by(3) {
             let scenario = Scenario::read(scenario).unwrap();
-            let build = |config: &Config| Pipeline::build_without_stage(config, &scenario).unwrap();
+            let build = |config: &Setup| Pipeline::build_without_stage(config, &scenario).unwrap();
             let before = build(&config);
             let graph = before.graph.describe().unwrap();
             let printed = before.assembly.to_toml(&config, &graph);
@@ -141,7 +141,7 @@ fn operators_can_be_added_replaced_and_left_out() {
     let place = |name| names(&added).iter().position(|own| *own == name).unwrap();
     assert!(place("tracker") < place("second") && place("second") < place("planner"));
     let config = read("[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n", &[]).unwrap();
-    let horizon = |name: &str| added.operator(name).unwrap().settings(&config).config.prediction.horizon_ms;
+    let horizon = |name: &str| added.operator(name).unwrap().settings(&config).setup.prediction.horizon_ms;
     assert_eq!((horizon("second"), horizon("predictor")), (2000.0, 5000.0), "its own key is its alone");
 }
 
@@ -403,7 +403,7 @@ fn stack_reads_no_truth_in_sensor_only_configurations() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
     let told = |file: &str| -> Vec<String> {
         let document = Document::read(&folder.join(file)).unwrap();
-        let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
+        let assembly = Assembly::new(&Setup::from_document(&document, &[]).unwrap()).unwrap();
         let is_truth = |edge: &Edge| {
             let (by, output) = assembly.stream(&edge.stream).unwrap();
             let [world, around] = [PayloadType::of::<WorldState>(), PayloadType::of::<Surroundings>()];
@@ -423,7 +423,7 @@ fn stack_reads_no_truth_in_sensor_only_configurations() {
     }
     // The pose sensor measures the true pose; the full pipeline does not read it.
     let document = Document::read(&folder.join("full.toml")).unwrap();
-    let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
+    let assembly = Assembly::new(&Setup::from_document(&document, &[]).unwrap()).unwrap();
     assert_eq!(assembly.publisher::<EgoState>(), Some("localizer"));
     // The search finds truth in configurations that use it.
     assert_eq!(told("paper.toml"), ["tracker.obstacles"]);
@@ -463,7 +463,7 @@ fn camera_detector_problems_are_reported_with_their_line() {
     let told = format!("{:#}", untimed.err().expect("nobody measured it"));
     assert!(told.contains("expected a run time of rung `ground`"), "{told}");
     let timed = format!("{own}run_times_ms = {{ ground = 12.5 }}\n");
-    assert_eq!(read(&timed, &[]).unwrap().expected_ms(), Config::default().expected_ms() + 12.5);
+    assert_eq!(read(&timed, &[]).unwrap().expected_ms(), Setup::default().expected_ms() + 12.5);
 }
 
 #[test]

@@ -7,17 +7,18 @@ use toml::{Table, Value};
 
 use super::{Assembly, Edge, Input, Placed};
 use crate::config::{Config, OperatorConfig};
+use crate::setup::Setup;
 
 /// Settings of the configuration, then every operator with its kind and all its inputs, and how it runs as a comment.
-pub(super) fn written(assembly: &Assembly, config: &Config, graph: &GraphInfo) -> String {
-    let mut text = settings(config);
+pub(super) fn written(assembly: &Assembly, setup: &Setup, graph: &GraphInfo) -> String {
+    let mut text = settings(setup);
     for placed in assembly.operators() {
         let runs = graph.operators.iter().find(|info| info.name == placed.name).map(runs);
         let heading = format!("operator.{}", placed.name);
         text += &section(&heading, runs.as_deref(), &operator(placed));
     }
     let is_there = |name: &str| assembly.has(name);
-    for (name, own) in config.operator.iter().filter(|(name, _)| !is_there(name)) {
+    for (name, own) in setup.operator.iter().filter(|(name, _)| !is_there(name)) {
         text += &section(&format!("operator.{name}"), None, &plain(own));
     }
     text
@@ -88,21 +89,21 @@ fn streams(input: &Input) -> Value {
 }
 
 /// Tables of the configuration except those of its operators, without default values.
-fn settings(config: &Config) -> String {
+fn settings(setup: &Setup) -> String {
     fn defaults<T: Default>(
         named: &std::collections::BTreeMap<String, T>,
     ) -> std::collections::BTreeMap<String, T> {
         named.keys().map(|name| (name.clone(), T::default())).collect()
     }
     let default = plain(&Config {
-        camera: defaults(&config.camera),
-        radar: defaults(&config.radar),
-        lidar: defaults(&config.lidar),
-        monitor: defaults(&config.monitor),
-        process: defaults(&config.process),
+        camera: defaults(&setup.camera),
+        radar: defaults(&setup.radar),
+        lidar: defaults(&setup.lidar),
+        monitor: defaults(&setup.monitor),
+        process: defaults(&setup.process),
         ..Config::default()
     });
-    let mut all = plain(config);
+    let mut all = plain(&setup.config);
     all.remove("operator");
     let (tables, values): (Table, Table) = all.into_iter().partition(|(_, value)| value.is_table());
     let mut text: String =

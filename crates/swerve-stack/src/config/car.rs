@@ -44,10 +44,11 @@ fn put_under(table: &mut Table, defaults: &Table) {
 mod tests {
     use swerve_text::Document;
 
+    use crate::Setup;
     use crate::config::Config;
 
     fn config(text: &str) -> Config {
-        Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap()
+        Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap().config
     }
 
     #[test]
@@ -66,7 +67,7 @@ mod tests {
     fn unknown_cars_are_reported_with_the_nearest_name() {
         let problems = |text: &str| {
             let document = Document::parse("c.toml", text).unwrap();
-            let problems = Config::from_document(&document, &[]).expect_err("wrong on purpose");
+            let problems = Setup::from_document(&document, &[]).expect_err("wrong on purpose");
             problems.iter().map(ToString::to_string).collect::<Vec<_>>()
         };
         let unknown = &problems("[sim]\ncar = \"carla_mk\"\n")[0];

@@ -2,11 +2,11 @@
 
 use swerve_core::Ranges as _;
 
-use super::Config;
 use super::planner::{outside, problem, within};
 use crate::assembly::Assembly;
+use crate::setup::Setup;
 
-impl Config {
+impl Setup {
     /// Problems of single values, by key.
     pub(crate) fn problems_of_values(&self) -> Vec<(String, String)> {
         let mut faults: Vec<_> = self.out_of_range().into_iter().map(problem).collect();

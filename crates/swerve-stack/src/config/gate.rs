@@ -77,11 +77,12 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Setup;
     use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();
-        let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+        let problems = Setup::from_document(&document, &[]).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     }
 
@@ -90,7 +91,7 @@ mod tests {
         let text =
             "[gate]\nparams = { stop_decel_mps2 = 2.5 }\n[sim.vehicle.limits]\nsteering_max_rad = 0.4\n";
         let document = Document::parse("c.toml", text).unwrap();
-        let params = Config::from_document(&document, &[]).unwrap().gate_params().unwrap();
+        let params = Setup::from_document(&document, &[]).unwrap().gate_params().unwrap();
         assert_eq!((params.stop_decel_mps2, params.steering_max_rad), (2.5, 0.4));
         let of_car = Config::default().gate_params().unwrap();
         assert!(of_car.decel_max_mps2 > 9.81, "full brakes pass: {}", of_car.decel_max_mps2);
@@ -100,7 +101,7 @@ mod tests {
     fn repeated_commands_of_another_stack_are_unlimited_by_default() {
         let repeat_max_s = |text: &str| {
             let document = Document::parse("c.toml", text).unwrap();
-            Config::from_document(&document, &[]).unwrap().gate_params().unwrap().repeat_max_s
+            Setup::from_document(&document, &[]).unwrap().gate_params().unwrap().repeat_max_s
         };
         let foreign =
             "[clock]\nsource = \"wall\"\n[ego]\ndriver = \"ros2\"\n[ros2]\n[gate]\nenabled = true\n";

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
 use swerve_text::did_you_mean;
 
-use super::Config;
 use super::execution::MS_MAX;
 use crate::assembly::Assembly;
 use crate::kind::span_of_ms;
+use crate::setup::Setup;
 
 /// A fault on a stream: exactly one effect on its messages, and its time window.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -171,7 +171,7 @@ impl FaultConfig {
     }
 }
 
-impl Config {
+impl Setup {
     pub(super) fn check_faults(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
         let streams = self.corruptible_streams(assembly);
         for (name, fault) in &self.fault {
@@ -244,7 +244,7 @@ mod tests {
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();
-        match Config::from_document(&document, &[]) {
+        match Setup::from_document(&document, &[]) {
             Ok(_) => Vec::new(),
             Err(problems) => problems.iter().map(ToString::to_string).collect(),
         }

@@ -7,8 +7,8 @@ use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
 use swerve_text::list;
 
-use super::Config;
 use crate::controllers::AnyController;
+use crate::setup::Setup;
 
 /// A vehicle connected by ROS 2 topics.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -105,7 +105,7 @@ impl LiveConfig {
     }
 }
 
-impl Config {
+impl Setup {
     pub(super) fn check_live(&self, told: &mut Vec<(String, String)>) {
         let Some(live) = &self.live else { return };
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
@@ -154,7 +154,7 @@ mod tests {
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();
-        let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+        let problems = Setup::from_document(&document, &[]).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     }
 

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Config, OperatorConfig};
+use super::OperatorConfig;
 use crate::localizers::{AnyLocalizer, LidarPoses, NamedLocalizer as _, Truth};
 use crate::named::Name;
 use crate::registry::Registry;
+use crate::setup::Setup;
 
 /// Name of a localizer: a built-in one, or one that [`Registry::with_localizer`] adds.
 pub type LocalizerName = Name<BuiltInLocalizer>;
@@ -91,7 +92,7 @@ impl LocalizationConfig {
     }
 }
 
-impl Config {
+impl Setup {
     pub(super) fn check_localization(&self, faults: &mut Vec<(String, String)>) {
         if let Some([from_m, to_m]) = self.planning.slow_by_sigma_m
             && from_m > to_m
@@ -138,11 +139,12 @@ impl Config {
 #[cfg(test)]
 mod tests {
 
+    use crate::Setup;
     use crate::assembly::Assembly;
-    use crate::config::{Config, tests::config};
+    use crate::config::tests::config;
 
     /// Operators by name and kind with their inputs.
-    fn graph(config: &Config) -> Vec<String> {
+    fn graph(config: &Setup) -> Vec<String> {
         let assembly = Assembly::new(config).unwrap();
         let one = |placed: &crate::assembly::Placed| format!("{} {:?}", placed.name, placed.inputs);
         assembly.operators().iter().map(one).collect()
@@ -157,7 +159,7 @@ mod tests {
         assert_eq!(graph(&by_key), graph(&by_hand));
         assert!(graph(&by_key).iter().any(|one| one.starts_with("localizer ")));
         let usual = config("[localization]\nlocalizer = \"truth\"\n", &[]).unwrap();
-        assert_eq!(graph(&usual), graph(&Config::default()));
+        assert_eq!(graph(&usual), graph(&Setup::default()));
         assert_ne!(graph(&usual), graph(&by_key));
         // Key and explicit operators together make the same graph.
         let both = config(&by_hand.to_text(), &["localization.localizer=eskf"]).unwrap();
@@ -240,7 +242,7 @@ mod tests {
             "{said}"
         );
         let text = format!("{ROOF}[localization]\nlocalizer = \"ndt\"\nmap = \"maps/street.map\"\n");
-        let map = config(&text, &[]).unwrap().localization.map.unwrap();
+        let map = config(&text, &[]).unwrap().localization.map.clone().unwrap();
         assert!(map.is_absolute() && map.ends_with("maps/street.map"), "{}", map.display());
     }
 

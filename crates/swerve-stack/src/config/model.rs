@@ -206,20 +206,21 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Setup;
     use crate::assembly::Assembly;
     use swerve_text::{Document, parse_assignment};
 
-    fn config(sets: &[&str]) -> Result<Config, String> {
+    fn config(sets: &[&str]) -> Result<Setup, String> {
         let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
         let document = Document::parse("c.toml", String::new()).unwrap();
-        Config::from_document(&document, &sets)
+        Setup::from_document(&document, &sets)
             .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
     }
 
     const D3: [&str; 3] =
         ["perception.detector=efficientdet-d5@d3", "perception.ladder=true", "planning.ladder=fot@d3"];
 
-    fn on_ladders(sets: &[&str]) -> Result<Config, String> {
+    fn on_ladders(sets: &[&str]) -> Result<Setup, String> {
         config(&[&D3, sets].concat())
     }
 
@@ -235,12 +236,12 @@ mod tests {
         for rung in on_ladders(&[]).unwrap().planner_rungs().unwrap() {
             assert!(config.planning.planner_with(&config.registry, &rung.what).is_ok(), "{}", rung.name);
         }
-        assert!(Config::default().detector_rungs().unwrap().is_empty());
-        assert!(Config::default().planner_rungs().unwrap().is_empty());
+        assert!(Setup::default().detector_rungs().unwrap().is_empty());
+        assert!(Setup::default().planner_rungs().unwrap().is_empty());
     }
 
     /// Periods or deadlines of these operators, ms.
-    fn lengths<const N: usize>(config: &Config, names: [&str; N]) -> [Option<f64>; N] {
+    fn lengths<const N: usize>(config: &Setup, names: [&str; N]) -> [Option<f64>; N] {
         let assembly = Assembly::new(config).unwrap();
         names.map(|name| assembly.operator(name)?.length.map(|length| length.as_ms()))
     }
@@ -263,7 +264,7 @@ mod tests {
     fn second_planner_has_a_period() {
         let text = "[execution]\nmodel = \"periodic\"\nplanner_ms = 70\n[operator.spare]\nkind = \"planner\"\n\
                     reads = { predictions = \"predictor\" }\n[operator.controller]\nreads = { plan = \"planner.plan\" }\n";
-        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        let config = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         assert_eq!(lengths(&config, ["planner", "spare"]), [Some(70.0), Some(70.0)]);
     }
 

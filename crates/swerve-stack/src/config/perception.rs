@@ -7,13 +7,14 @@ use swerve_perception::image_box::ImageCamera;
 use swerve_perception::{GroundTracker, Tracker, tracker};
 use swerve_text::{KeyProblem, did_you_mean, list, overridden};
 
+use super::PlanningConfig;
 use super::camera::CameraConfig;
 use super::detectors::{find, fits, published};
 use super::planner::{outside, within};
-use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::Scheduled;
 use crate::registry::Registry;
+use crate::setup::Setup;
 use crate::trackers::{NamedTracker as _, TrackerSetup};
 
 /// Detector name for no detector: obstacles as the sensor sees them.
@@ -122,7 +123,7 @@ impl PerceptionConfig {
     }
 }
 
-impl Config {
+impl Setup {
     /// Camera of the emulated detector, if it has one.
     pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
         match (&self.perception.camera, sensing) {
@@ -180,6 +181,7 @@ mod tests {
     use swerve_perception::ab3dmot;
 
     use super::*;
+    
     use crate::config::tests::config;
 
     #[test]
@@ -190,8 +192,8 @@ mod tests {
         let error_level = fits()["efficientdet-d3@v100"].error_level;
         assert_eq!(emulated.params, detector::Params::of_error_level(Sensing::Camera, error_level));
         assert!(config.expected_ms() >= 28.0);
-        assert_eq!(Config::default().perception.emulated(), Ok(None));
-        assert_eq!(Config::default().expected_ms(), PlanningConfig::default().expected_ms());
+        assert_eq!(Setup::default().perception.emulated(), Ok(None));
+        assert_eq!(Setup::default().expected_ms(), PlanningConfig::default().expected_ms());
     }
 
     #[test]

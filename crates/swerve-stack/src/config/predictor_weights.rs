@@ -47,10 +47,11 @@ mod tests {
     use swerve_text::Document;
 
     use super::*;
+    use crate::Setup;
 
     fn problem(text: &str) -> Option<String> {
         let document = Document::parse("c.toml", text).unwrap();
-        Config::from_document(&document, &[]).err().map(|problems| problems.to_string())
+        Setup::from_document(&document, &[]).err().map(|problems| problems.to_string())
     }
 
     #[test]

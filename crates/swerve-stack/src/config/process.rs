@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ipc::OnLoss;
 
-use super::Config;
 use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
+use crate::setup::Setup;
 
 /// One process beside the coordinator.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -112,7 +112,7 @@ impl ProcessConfig {
     }
 }
 
-impl Config {
+impl Setup {
     /// Process that takes the steps of an operator; `None` for this one.
     pub fn process_of(&self, operator: &str) -> Option<&str> {
         let has = |process: &ProcessConfig| process.operators.iter().any(|name| name == operator);
@@ -246,12 +246,13 @@ fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::Config;
+    use crate::Setup;
+    
     use swerve_text::Document;
 
     fn problems(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();
-        let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+        let problems = Setup::from_document(&document, &[]).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     }
 
@@ -324,14 +325,14 @@ mod tests {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src");
         let told = |file: &str, sets: &[(String, toml::Value)]| {
             let document = Document::parse(file, config).unwrap();
-            Config::from_document(&document, sets).unwrap_err()[0].to_string()
+            Setup::from_document(&document, sets).unwrap_err()[0].to_string()
         };
         assert!(told(&format!("{folder}/c.toml"), &[]).contains(&format!("there is no file {folder}/t.py")));
         let here = std::env::current_dir().unwrap();
         assert!(told("c.toml", &[]).contains(&format!("there is no file {}/t.py", here.display())));
         let document = Document::parse("elsewhere/c.toml", config.replace("t.py", "/t.py")).unwrap();
         let set = [("process.a.python".to_owned(), "src/lib.rs:T".into())];
-        let whole = Config::formed(&crate::Registry::standard(), &document, &set).unwrap();
+        let whole = Setup::formed(&crate::Registry::standard(), &document, &set).unwrap();
         let expected = format!("{}/src/lib.rs:T", here.display());
         assert_eq!(
             whole.process["a"].python.as_deref(),

@@ -9,8 +9,8 @@ use std::path::Path;
 
 use swerve_text::{Document, set};
 
-use super::Config;
 use super::process::{ProcessConfig, with_whole_paths};
+use crate::setup::Setup;
 
 /// A program that a configuration starts.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -103,7 +103,7 @@ impl ProcessConfig {
     }
 }
 
-impl Config {
+impl Setup {
     /// Programs that it starts, in the order of their processes.
     pub fn programs(&self) -> impl Iterator<Item = NamedProgram> {
         self.process.iter().filter_map(|(name, process)| process.program(name))
@@ -219,6 +219,7 @@ fn has(value: &toml::Value, path: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    
 
     const FAR: &str = "[process.far]\noperators = [\"planner\"]\nstart = [\"ssh\", \"far\"]\n";
 
@@ -226,8 +227,8 @@ mod tests {
         Document::parse(file, text).unwrap()
     }
 
-    fn config(text: &str, sets: &[(String, toml::Value)]) -> Config {
-        Config::from_document(&document("c.toml", text), sets).unwrap()
+    fn config(text: &str, sets: &[(String, toml::Value)]) -> Setup {
+        Setup::from_document(&document("c.toml", text), sets).unwrap()
     }
 
     fn start(words: &[&str]) -> Vec<(String, toml::Value)> {
@@ -247,7 +248,7 @@ mod tests {
         config.allow_programs();
         assert_eq!(config.refusal("far"), None);
         let text = FAR.replace("start", "#start");
-        let own = Config::from_document(&document("c.toml", &text), &[]).unwrap();
+        let own = Setup::from_document(&document("c.toml", &text), &[]).unwrap();
         assert_eq!(own.refusal("far"), None, "this program itself needs no consent");
     }
 

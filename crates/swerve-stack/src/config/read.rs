@@ -11,8 +11,9 @@ use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
 use crate::kind::KeyProblems;
 use crate::registry::Registry;
+use crate::setup::Setup;
 
-impl Config {
+impl Setup {
     /// Reads a file (or takes the defaults) and applies assignments in order; checks everything.
     pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::load_with(&Registry::standard(), file, sets)
@@ -70,14 +71,14 @@ impl Config {
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
         let problem = |key: &str, message| document.problem(&as_written(document, key), message);
-        let misread = match swerve_text::read_meant::<Self>(&table) {
-            Ok(config) => return Self { registry: registry.clone(), ..config }.checked(problem),
+        let misread = match swerve_text::read_meant::<Config>(&table) {
+            Ok(config) => return Self::new(config, registry).checked(problem),
             Err(misread) => misread,
         };
         let (mut faults, guessed) = (misread.problems, misread.guessed);
         let of_form = faults.len();
         if let Some(meant) = misread.meant {
-            Self { registry: registry.clone(), ..meant }.check(&mut faults);
+            Self::new(meant, registry).check(&mut faults);
         }
         let told = faults.into_iter().enumerate();
         let told = told.filter(|(i, (key, _))| *i < of_form || !guessed.holds(key)).map(|(_, fault)| fault);
@@ -114,11 +115,11 @@ impl Config {
         let mut table = with_whole_paths(table, Path::new(""));
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
-        let config: Self = swerve_text::read(&table).map_err(|found| {
+        let config: Config = swerve_text::read(&table).map_err(|found| {
             let named = found.into_iter().map(with_present_name);
             named.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
         })?;
-        Ok(Self { registry: registry.clone(), ..config })
+        Ok(Self::new(config, registry))
     }
 
     fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Problems> {

@@ -15,6 +15,7 @@ use super::planner::within;
 use super::{Config, OperatorConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
+use crate::setup::Setup;
 use crate::trackers::TrackerSetup;
 
 /// Resolved settings of a configuration. Operators are built from it and read no text.
@@ -40,7 +41,7 @@ pub struct Resolved {
 
 impl Resolved {
     /// Resolves all settings. Problems are reported by key, and defaults take the place of wrong settings.
-    pub fn new(config: &Config, told: &mut KeyProblems) -> Self {
+    pub fn new(config: &Setup, told: &mut KeyProblems) -> Self {
         let mut tell = |section: &str, problems: Vec<KeyProblem>| told.extend(within(section, problems));
         let vehicle = &config.sim.vehicle;
         let gate = config.gate_params().unwrap_or_else(|found| {
@@ -154,7 +155,7 @@ impl Scheduled {
     }
 }
 
-impl Config {
+impl Setup {
     /// Checks `[execution]`.
     pub(super) fn check_execution(&self, told: &mut KeyProblems) {
         let execution = &self.execution;

@@ -76,11 +76,12 @@ mod tests {
     use swerve_ros2::mapping::Vehicle;
     use swerve_text::Document;
 
-    use crate::config::Config;
+    use crate::Setup;
+    
 
-    fn read(text: &str) -> Result<Config, Vec<String>> {
+    fn read(text: &str) -> Result<Setup, Vec<String>> {
         let document = Document::parse("c.toml", text).unwrap();
-        Config::from_document(&document, &[])
+        Setup::from_document(&document, &[])
             .map_err(|problems| problems.iter().map(ToString::to_string).collect())
     }
 
@@ -121,7 +122,7 @@ mod tests {
         let config =
             read("[ros2]\nvehicle = \"plain\"\ndomain = 7\n[ros2.topics.lidar]\ntopic = \"/os1\"\n").unwrap();
         let document = Document::parse("resolved", config.to_text()).unwrap();
-        assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
+        assert_eq!(Setup::from_document(&document, &[]).unwrap().config, config.config);
         let mapping = config.ros2_mapping().unwrap();
         assert_eq!((mapping.vehicle, mapping.network.domain), (Vehicle::Plain, 7));
         assert_eq!(mapping.topic("lidar").unwrap().topic, "/os1");

@@ -10,9 +10,10 @@ use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTimi
 use swerve_text::{did_you_mean, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
+use super::Images;
 use super::planner::problem;
-use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
+use crate::setup::Setup;
 
 /// Problems, by key.
 type Faults = Vec<(String, String)>;
@@ -243,7 +244,7 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
     told
 }
 
-impl Config {
+impl Setup {
     /// Names of the sensors with named tables, each with the name of the table.
     fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));

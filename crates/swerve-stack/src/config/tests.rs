@@ -3,10 +3,10 @@ use super::*;
 use swerve_text::{Document, parse_assignment};
 
 /// Configuration from a text and assignments, or its problems, one on a line.
-pub(super) fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
+pub(super) fn config(text: &str, sets: &[&str]) -> Result<Setup, String> {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
     let document = Document::parse("c.toml", text).unwrap();
-    Config::from_document(&document, &sets)
+    Setup::from_document(&document, &sets)
         .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
 }
 
@@ -96,14 +96,14 @@ fn every_planner_has_a_built_in_cost() {
 
 #[test]
 fn resolved_text_reads_back_as_itself() {
-    let mut config = Config::default();
+    let mut config = Setup::default();
     config.operator.insert(
         "planner".into(),
         OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
     );
     config.planning.cost.insert(PlannerName::FOT, [(Fineness::Fast, Runtime::fixed(2.0))].into());
     let document = Document::parse("resolved", config.to_text()).unwrap();
-    assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
+    assert_eq!(Setup::from_document(&document, &[]).unwrap().config, config.config);
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn problems_of_the_papers_rules_are_reported_with_line_and_key() {
 
 #[test]
 fn single_rules_override_the_eras() {
-    let config = |text: &str| Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+    let config = |text: &str| Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
     let of = |rest: &str| {
         let planning =
             "[planning]\npreset = \"paper\"\nplanner = \"rrt_star\"\ncollision = \"swept_static\"\n";

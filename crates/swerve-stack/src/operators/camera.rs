@@ -45,7 +45,7 @@ struct Out {
 
 /// Latency from the stamp of a camera, radar or lidar to its readers.
 pub(super) fn on_its_way(settings: &Settings<'_>) -> Option<OnItsWay> {
-    let (timing, period) = settings.config.sensor_timing(settings.name)?;
+    let (timing, period) = settings.setup.sensor_timing(settings.name)?;
     let (after, frames) = (timing.visible_after(), timing.in_flight(period));
     (after > Span::ZERO).then_some(OnItsWay { after, frames })
 }
@@ -61,7 +61,7 @@ impl OperatorKind for Cameras {
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
-        if settings.config.live.is_some() { <Port<Image> as NamedOutputs>::ports() } else { Out::ports() }
+        if settings.setup.live.is_some() { <Port<Image> as NamedOutputs>::ports() } else { Out::ports() }
     }
 
     fn is_silent(&self, settings: &Settings<'_>, output: &str) -> bool {
@@ -69,34 +69,34 @@ impl OperatorKind for Cameras {
     }
 
     fn is_empty(&self, settings: &Settings<'_>, output: &str) -> Option<String> {
-        let camera = settings.config.camera.get(settings.name);
+        let camera = settings.setup.camera.get(settings.name);
         let made: Vec<&str> =
             camera.map(|camera| camera.outputs.iter().map(|o| o.name()).collect()).unwrap_or_default();
-        let is_made = settings.config.live.is_some() || made.contains(&output);
+        let is_made = settings.setup.live.is_some() || made.contains(&output);
         (!is_made).then(|| format!("`camera.{}.outputs` has {} alone", settings.name, made.join(", ")))
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        if settings.config.live.is_some() { Vec::new() } else { In::ports() }
+        if settings.setup.live.is_some() { Vec::new() } else { In::ports() }
     }
 
     fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
-        if settings.config.live.is_some() { None } else { on_its_way(settings) }
+        if settings.setup.live.is_some() { None } else { on_its_way(settings) }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.config().live.is_some() {
+        if site.setup().live.is_some() {
             site.add_source::<Image>();
             return Ok(());
         }
         let memory = Output::ALL.map(|output| site.memory(output.name(), 1));
         let stage = site.stage();
         let settings = site.settings();
-        let Some(camera) = settings.config.camera.get(settings.name) else {
+        let Some(camera) = settings.setup.camera.get(settings.name) else {
             anyhow::bail!("camera.{}: there is no such table", settings.name);
         };
         let timer = settings.drawn_timer(span_of_ms(camera.period_ms));
-        let operator = CameraOperator::new(settings.name, camera, settings.config, stage, memory)?;
+        let operator = CameraOperator::new(settings.name, camera, settings.setup, stage, memory)?;
         site.add(operator, Some(timer))
     }
 }

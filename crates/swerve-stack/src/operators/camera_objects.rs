@@ -122,7 +122,7 @@ fn untimed(rung: &DetectorRung) -> String {
 
 /// Keys of an operator.
 fn table(settings: &Settings<'_>) -> CameraObjectsTable {
-    CameraObjectsTable::of(settings.config, settings.name)
+    CameraObjectsTable::of(settings.setup, settings.name)
 }
 
 impl OperatorKind for CameraObjects {
@@ -150,12 +150,12 @@ impl OperatorKind for CameraObjects {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        let mut ports = match settings.config.execution.model {
+        let mut ports = match settings.setup.execution.model {
             Model::Periodic => PeriodicIn::ports(),
             _ => In::ports(),
         };
         let table = table(settings);
-        let chosen = table.chosen(&settings.config.registry);
+        let chosen = table.chosen(&settings.setup.registry);
         if !chosen.is_ok_and(|chosen| chosen.taken().any(|rung| rung.follows_tracks)) {
             ports.retain(|port| port.name != "tracks");
         }
@@ -167,20 +167,20 @@ impl OperatorKind for CameraObjects {
         if table.ladder {
             return Ok(on_ladder());
         }
-        let chosen = table.chosen(&settings.config.registry).map_err(|(_, message)| message)?;
+        let chosen = table.chosen(&settings.setup.registry).map_err(|(_, message)| message)?;
         chosen.run_time(chosen.named()).ok_or_else(|| untimed(chosen.named()))?.model()
     }
 
     fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
         let table = table(settings);
-        let time = table.run_time(&settings.config.registry)?;
+        let time = table.run_time(&settings.setup.registry)?;
         Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let table = table(&site.settings());
         let wrong = |found: KeyProblems| anyhow::anyhow!("operator.{}: {}", site.name(), in_one_line(&found));
-        let chosen = table.chosen(&site.config().registry).map_err(|found| wrong(vec![found]))?;
+        let chosen = table.chosen(&site.setup().registry).map_err(|found| wrong(vec![found]))?;
         let (rungs, around) = (rungs(&chosen, &table).map_err(wrong)?, site.surroundings());
         let (route, vehicle) = (around.route.clone(), around.vehicle.clone());
         let detector = Detector { rungs, spends: table.ladder, route, vehicle };

@@ -30,11 +30,11 @@ impl Kind for FreshCommands {
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.live.is_some()
+        settings.setup.live.is_some()
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let live = site.config().live.clone().unwrap_or_default();
+        let live = site.setup().live.clone().unwrap_or_default();
         Ok(Self { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN })
     }
 }

@@ -17,6 +17,7 @@ use super::odom::LocalPoses;
 use crate::config::Config;
 use crate::controllers::{NamedController as _, Pid};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::setup::Setup;
 use crate::site::Site;
 
 /// A controller of pedals, or of motion if a safety gate follows.
@@ -53,7 +54,7 @@ impl OperatorKind for Controllers {
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
-        match asks_for_motion(settings.config) {
+        match asks_for_motion(settings.setup) {
             true => <Port<MotionCommand> as NamedOutputs>::ports(),
             false => <Port<Command> as NamedOutputs>::ports(),
         }
@@ -64,7 +65,7 @@ impl OperatorKind for Controllers {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let config = site.config();
+        let config = site.setup();
         let follower = PlanFollower::new(config, &site.resolved().rules, &site.surroundings().route)?;
         let timer = every(span_of_ms(config.control.period_ms));
         if asks_for_motion(config) {
@@ -94,12 +95,12 @@ struct PlanFollower {
 }
 
 impl PlanFollower {
-    fn new(config: &Config, rules: &Rules, route: &Route) -> anyhow::Result<Self> {
+    fn new(setup: &Setup, rules: &Rules, route: &Route) -> anyhow::Result<Self> {
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("control: {}", in_one_line(&found));
         Ok(Self {
-            controller: config.built_controller().map_err(wrong)?,
-            original: original(config, rules),
-            vehicle: config.sim.vehicle.clone(),
+            controller: setup.built_controller().map_err(wrong)?,
+            original: original(setup, rules),
+            vehicle: setup.sim.vehicle.clone(),
             route: route.clone(),
             ego: None,
             plan: None,

@@ -70,7 +70,7 @@ impl Kind for Carried {
     }
 
     fn new(keys: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.settings().config;
+        let config = site.settings().setup;
         Ok(Self {
             keys,
             car: DeadReckoning::new(),

@@ -60,7 +60,7 @@ struct Periodic {
 
 /// Returns true if it runs on its frames, without a ladder.
 fn is_plain(settings: &Settings<'_>) -> bool {
-    settings.config.execution.model != Model::Periodic && !settings.config.perception.ladder
+    settings.setup.execution.model != Model::Periodic && !settings.setup.perception.ladder
 }
 
 impl OperatorKind for EmulatedDetector {
@@ -73,7 +73,7 @@ impl OperatorKind for EmulatedDetector {
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
-        settings.config.perception.emulates()
+        settings.setup.perception.emulates()
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
@@ -81,26 +81,26 @@ impl OperatorKind for EmulatedDetector {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        match settings.config.execution.model {
+        match settings.setup.execution.model {
             Model::Periodic => PeriodicIn::ports(),
             _ => In::ports(),
         }
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
-        if settings.config.perception.ladder {
+        if settings.setup.perception.ladder {
             return Ok(on_ladder());
         }
-        span_ms(settings.config.perception.published_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
+        span_ms(settings.setup.perception.published_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
     }
 
     fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
-        settings.config.perception.published_ms().map(|ms| [ms, ms])
+        settings.setup.perception.published_ms().map(|ms| [ms, ms])
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
-        let (name, config) = (settings.name, settings.config);
+        let (name, config) = (settings.name, settings.setup);
         let resolved = site.resolved().clone();
         let Some(emulated) = resolved.detector else { return Ok(()) };
         let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));

@@ -73,7 +73,7 @@ const NAMED: [&str; 4] = ["camera", "lidar", "radar", "depth"];
 impl Table {
     /// Own keys of the operator, already checked.
     fn of(settings: &Settings<'_>) -> Self {
-        let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
+        let own = settings.setup.operator.get(settings.name).map(|own| own.keys.clone());
         own.and_then(|keys| swerve_text::read(&keys).ok()).unwrap_or_default()
     }
 }
@@ -101,7 +101,7 @@ impl OperatorKind for Fusions {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        let reads = settings.config.operator.get(settings.name).map(|own| &own.reads);
+        let reads = settings.setup.operator.get(settings.name).map(|own| &own.reads);
         let named = |port: &str| reads.is_some_and(|reads| reads.contains_key(port));
         let all = In::ports();
         // Two lists of boxes differ by name only; without a name, or with a wrong one, all ports are listed.
@@ -114,7 +114,7 @@ impl OperatorKind for Fusions {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let (name, config, settings) = (site.name().to_owned(), site.config(), site.settings());
+        let (name, config, settings) = (site.name().to_owned(), site.setup(), site.settings());
         let table = Table::of(&settings);
         let own = config.operator.get(&name);
         let is_read = |port: &str| own.is_some_and(|own| own.reads.contains_key(port));

@@ -44,7 +44,7 @@ impl Kind for Gate {
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.gate.enabled || settings.config.live.is_some()
+        settings.setup.gate.enabled || settings.setup.live.is_some()
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
@@ -52,7 +52,7 @@ impl Kind for Gate {
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(every(span_of_ms(settings.config.gate.period_ms)))
+        Some(every(span_of_ms(settings.setup.gate.period_ms)))
     }
 }
 

@@ -25,12 +25,12 @@ impl Kind for Receiver {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
+        let config = site.setup();
         Ok(Self(GnssReceiver::new(config.sensing.gnss.clone(), site.name(), config.seed)))
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.gnss_period_ms)))
+        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.gnss_period_ms)))
     }
 }
 

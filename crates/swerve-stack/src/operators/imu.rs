@@ -26,14 +26,14 @@ impl Kind for ImuSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
+        let config = site.setup();
         let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
         let period = span_of_ms(sensing.imu_period_ms);
         Ok(Self(InertialUnit::new(sensing.imu, vehicle, period, site.name(), config.seed)))
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.imu_period_ms)))
+        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.imu_period_ms)))
     }
 }
 

@@ -51,23 +51,19 @@ impl OperatorKind for Lidars {
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
-        if settings.config.live.is_some() {
-            <Port<PointCloud> as NamedOutputs>::ports()
-        } else {
-            Out::ports()
-        }
+        if settings.setup.live.is_some() { <Port<PointCloud> as NamedOutputs>::ports() } else { Out::ports() }
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        if settings.config.live.is_some() { Vec::new() } else { In::ports() }
+        if settings.setup.live.is_some() { Vec::new() } else { In::ports() }
     }
 
     fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
-        if settings.config.live.is_some() { None } else { on_its_way(settings) }
+        if settings.setup.live.is_some() { None } else { on_its_way(settings) }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.config().live.is_some() {
+        if site.setup().live.is_some() {
             site.add_source::<PointCloud>();
             return Ok(());
         }
@@ -75,7 +71,7 @@ impl OperatorKind for Lidars {
         let memory = [site.memory("points", 6), site.memory("truth", 1)];
         let stage = site.stage();
         let settings = site.settings();
-        let Some(lidar) = settings.config.lidar.get(settings.name) else {
+        let Some(lidar) = settings.setup.lidar.get(settings.name) else {
             anyhow::bail!("lidar.{}: there is no such table", settings.name);
         };
         let operator = LidarOperator::new(lidar, &settings, stage, memory)?;
@@ -129,7 +125,7 @@ impl LidarOperator {
         stage: SharedStage,
         [points, truth]: [StreamMemory; 2],
     ) -> anyhow::Result<Self> {
-        let Settings { name, config, .. } = *settings;
+        let Settings { name, setup: config, .. } = *settings;
         let shape = &config.sim.vehicle.shape;
         let seed = Rng::keyed(config.seed, name, &[]).bits();
         let wrong = |faults: Vec<(String, String)>| anyhow::anyhow!("lidar.{name}: {faults:?}");

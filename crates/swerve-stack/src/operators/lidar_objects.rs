@@ -44,7 +44,7 @@ impl Kind for Objects {
     }
 
     fn new(table: Params, site: &Site<'_>) -> anyhow::Result<Self> {
-        let (name, config) = (site.name(), site.config());
+        let (name, config) = (site.name(), site.setup());
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
             format!(

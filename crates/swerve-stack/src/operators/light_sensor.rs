@@ -35,12 +35,12 @@ impl Kind for LightSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let (mount, params) = sight(site.config());
+        let (mount, params) = sight(site.setup());
         Ok(Self { sensor: TrafficLightSensor::new(&site.surroundings().scenario.road), mount, params })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.period_ms)))
+        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.period_ms)))
     }
 }
 

@@ -23,8 +23,9 @@ mod stored_pose;
 
 use super::odom::Odometer;
 use super::scan_matcher::pose_of;
+use crate::config::Config;
+use crate::config::SensingConfig;
 use crate::config::planner::problem;
-use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
 use stored_pose::StoredPose;
@@ -103,7 +104,7 @@ pub(super) struct Receiver {
 
 impl Receiver {
     pub(super) fn new(site: &Site<'_>) -> Self {
-        Self::of(&site.config().sensing, site.surroundings().route.clone())
+        Self::of(&site.setup().sensing, site.surroundings().route.clone())
     }
 
     fn of(sensing: &SensingConfig, route: Route) -> Self {
@@ -238,7 +239,7 @@ impl Kind for Filter {
     }
 
     fn new(table: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
+        let config = site.setup();
         let problems =
             |told: KeyProblems| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(&told));
         let params = table.params(&known(config)).map_err(problems)?;
@@ -265,7 +266,7 @@ impl Kind for Filter {
     }
 
     fn timer(_: &Keys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(every(span_of_ms(settings.config.sensing.imu_period_ms * SILENT)))
+        Some(every(span_of_ms(settings.setup.sensing.imu_period_ms * SILENT)))
     }
 }
 

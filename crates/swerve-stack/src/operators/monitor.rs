@@ -41,9 +41,9 @@ impl OperatorKind for Monitors {
     }
 
     fn reads(&self, settings: &Settings<'_>) -> Vec<(&'static str, String)> {
-        let Some(monitor) = settings.config.monitor.get(settings.name) else { return Vec::new() };
+        let Some(monitor) = settings.setup.monitor.get(settings.name) else { return Vec::new() };
         let sensor = monitor.sensor.clone();
-        match (watches_lidar(settings), settings.config.live.is_some()) {
+        match (watches_lidar(settings), settings.setup.live.is_some()) {
             (true, _) => vec![("cloud", sensor)],
             (false, true) => vec![("image", sensor)],
             (false, false) => vec![("image", format!("{sensor}.{}", monitor.output.name()))],
@@ -60,8 +60,8 @@ impl OperatorKind for Monitors {
 }
 
 fn watches_lidar(settings: &Settings<'_>) -> bool {
-    let monitor = settings.config.monitor.get(settings.name);
-    monitor.is_some_and(|monitor| settings.config.lidar.contains_key(&monitor.sensor))
+    let monitor = settings.setup.monitor.get(settings.name);
+    monitor.is_some_and(|monitor| settings.setup.lidar.contains_key(&monitor.sensor))
 }
 
 /// Monitors a camera: reads every byte of its images.

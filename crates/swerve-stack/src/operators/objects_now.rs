@@ -31,16 +31,16 @@ impl Kind for ObjectsNow {
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.live.is_some()
+        settings.setup.live.is_some()
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let live = site.config().live.clone().unwrap_or_default();
+        let live = site.setup().live.clone().unwrap_or_default();
         Ok(Self { timeout: Span::from_secs(live.objects_timeout_s) })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(every(span_of_ms(settings.config.sensing.period_ms)))
+        Some(every(span_of_ms(settings.setup.sensing.period_ms)))
     }
 }
 

@@ -10,8 +10,9 @@ use swerve_msg::{LocalPose, ObstacleList};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
 
 use super::relative::{Motion, pose_at};
+use crate::config::Config;
+use crate::config::Source;
 use crate::config::camera::CameraConfig;
-use crate::config::{Config, Source};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
@@ -100,7 +101,7 @@ struct ForDetector(ObstacleSight);
 
 /// Returns true if a detector is emulated, under checked settings.
 fn has_detector(settings: &Settings<'_>) -> bool {
-    settings.config.perception.emulates()
+    settings.setup.perception.emulates()
 }
 
 impl OperatorKind for ObstacleSensor {
@@ -125,13 +126,13 @@ impl OperatorKind for ObstacleSensor {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
-        let timer = settings.drawn_timer(span_of_ms(settings.config.sensing.period_ms));
+        let timer = settings.drawn_timer(span_of_ms(settings.setup.sensing.period_ms));
         let Some(emulated) = &site.resolved().detector else {
-            let sensor = ForTracker(ObstacleSight::new(settings.config, None));
+            let sensor = ForTracker(ObstacleSight::new(settings.setup, None));
             return site.add(sensor, Some(timer));
         };
-        let camera = settings.config.detector_camera(emulated.sensing);
-        let sensor = ForDetector(ObstacleSight::new(settings.config, camera.as_ref()));
+        let camera = settings.setup.detector_camera(emulated.sensing);
+        let sensor = ForDetector(ObstacleSight::new(settings.setup, camera.as_ref()));
         site.add(sensor, Some(timer))
     }
 }

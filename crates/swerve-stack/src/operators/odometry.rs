@@ -30,14 +30,14 @@ impl Kind for Odometry {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
+        let config = site.setup();
         let vehicle = config.sim.vehicle.clone();
         let odometer = WheelOdometer::new(config.sensing.odometry, &vehicle, site.name(), config.seed);
         Ok(Self { odometer, vehicle })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.odometry_period_ms)))
+        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.odometry_period_ms)))
     }
 }
 

@@ -35,11 +35,11 @@ impl Kind for PedalsOperator {
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.gate.enabled
+        settings.setup.gate.enabled
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self { vehicle: site.config().sim.vehicle.clone(), speed_mps: 0.0, steering_rad: None })
+        Ok(Self { vehicle: site.setup().sim.vehicle.clone(), speed_mps: 0.0, steering_rad: None })
     }
 }
 

@@ -26,6 +26,7 @@ use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
 use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
+use crate::setup::Setup;
 use crate::site::{Site, Surroundings};
 
 /// A motion planner, under any execution model.
@@ -77,7 +78,7 @@ impl OperatorKind for Planners {
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
-        let Config { execution, planning, .. } = settings.config;
+        let Config { execution, planning, .. } = &settings.setup.config;
         match execution.model != Model::Periodic && planning.ladder.is_none() {
             true => <Port<Plan> as NamedOutputs>::ports(),
             false => LadderOut::ports(),
@@ -85,14 +86,14 @@ impl OperatorKind for Planners {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        match settings.config.execution.model {
+        match settings.setup.execution.model {
             Model::Periodic => PeriodicIn::ports(),
             _ => In::ports(),
         }
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
-        let config = settings.config;
+        let config = settings.setup;
         // On a vehicle the planner takes its actual time.
         if config.live.is_some() && settings.on_wall_clock() {
             return Ok(RuntimeModel::Zero);
@@ -104,12 +105,12 @@ impl OperatorKind for Planners {
     }
 
     fn added_delay_ms(&self, settings: &Settings<'_>) -> f64 {
-        settings.config.planning.added_latency_ms
+        settings.setup.planning.added_latency_ms
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
-        let config = settings.config;
+        let config = settings.setup;
         let operator = PlannerOperator::new(config, site.surroundings())?;
         let make = |Rung { name, run_time, what }: &Rung<toml::Table>| {
             let what = config.planning.planner_with(&config.registry, what);
@@ -160,7 +161,7 @@ struct PlannerOperator {
 }
 
 impl PlannerOperator {
-    fn new(config: &Config, around: &Surroundings) -> anyhow::Result<Self> {
+    fn new(config: &Setup, around: &Surroundings) -> anyhow::Result<Self> {
         let (vehicle, planning) = (&config.sim.vehicle, &config.planning);
         let expected = match planning.start_state() {
             StartState::Measured => None,

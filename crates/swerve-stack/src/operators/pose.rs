@@ -29,12 +29,12 @@ impl Kind for PoseSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
+        let config = site.setup();
         Ok(Self { params: config.sensing.pose, seed: config.seed })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.pose_period_ms)))
+        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.pose_period_ms)))
     }
 }
 

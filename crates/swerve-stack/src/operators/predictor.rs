@@ -60,7 +60,7 @@ struct OracleIn {
 }
 
 fn is_told(settings: &Settings<'_>) -> bool {
-    settings.config.prediction.predictor.as_str() == Truth::NAME
+    settings.setup.prediction.predictor.as_str() == Truth::NAME
 }
 
 impl OperatorKind for Predictors {
@@ -82,7 +82,7 @@ impl OperatorKind for Predictors {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let config = site.config();
+        let config = site.setup();
         let prediction = &config.prediction;
         if is_told(&site.settings()) {
             let params = SimParams { dt: span_of_ms(config.sim.dt_ms), vehicle: config.sim.vehicle.clone() };

@@ -73,7 +73,7 @@ fn reading(text: &str, registry: &Registry) -> Result<(PortMode, PayloadType), S
 impl Table {
     /// Keys of an operator; empty if they are invalid, which is reported where the keys are checked.
     fn of(settings: &Settings<'_>) -> Self {
-        let own = settings.config.operator.get(settings.name).map(|own| &own.keys);
+        let own = settings.setup.operator.get(settings.name).map(|own| &own.keys);
         own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
     }
 
@@ -120,7 +120,7 @@ impl OperatorKind for Python {
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
-        let payload = |name: &str| message(name, &settings.config.registry).ok();
+        let payload = |name: &str| message(name, &settings.setup.registry).ok();
         let outputs = Table::of(settings).outputs.into_iter();
         outputs.filter_map(|(port, name)| Some(OutputInfo::declared(port, payload(&name)?))).collect()
     }
@@ -128,7 +128,7 @@ impl OperatorKind for Python {
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
         let table = Table::of(settings);
         let stream = |(port, text): (String, String)| {
-            let (mode, message) = reading(&text, &settings.config.registry).ok()?;
+            let (mode, message) = reading(&text, &settings.setup.registry).ok()?;
             Some(PortInfo::declared(port, mode, Some(message)))
         };
         let timer = table.period_ms.map(|_| PortInfo::declared(TICK, PortMode::Every, None));

@@ -57,7 +57,7 @@ impl OperatorKind for Radars {
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
-        settings.config.live.is_none()
+        settings.setup.live.is_none()
     }
 
     fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
@@ -65,13 +65,13 @@ impl OperatorKind for Radars {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let (settings, vehicle) = (site.settings(), &site.config().sim.vehicle);
-        let Some(config) = settings.config.radar.get(settings.name) else {
+        let (settings, vehicle) = (site.settings(), &site.setup().sim.vehicle);
+        let Some(config) = settings.setup.radar.get(settings.name) else {
             anyhow::bail!("radar.{}: there is no such table", settings.name);
         };
         let wrong = |problems| anyhow::anyhow!("radar.{}: {problems:?}", settings.name);
         let operator =
-            RadarOperator { radar: config.radar(vehicle).map_err(wrong)?, seed: settings.config.seed };
+            RadarOperator { radar: config.radar(vehicle).map_err(wrong)?, seed: settings.setup.seed };
         let timer = settings.drawn_timer(span_of_ms(config.period_ms()));
         site.add(operator, Some(timer))
     }

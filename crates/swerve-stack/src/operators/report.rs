@@ -23,7 +23,7 @@ impl OperatorKind for Reports {
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
-        settings.config.gate.enabled
+        settings.setup.gate.enabled
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
@@ -32,11 +32,11 @@ impl OperatorKind for Reports {
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
         // The state of a localizer does not qualify as a vehicle report: it may be wrong or missing.
-        if settings.config.localization.estimates() { ByWheels::ports() } else { ByPose::ports() }
+        if settings.setup.localization.estimates() { ByWheels::ports() } else { ByPose::ports() }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.config().localization.estimates() {
+        if site.setup().localization.estimates() {
             site.add(WheelReport::default(), None)
         } else {
             site.add(PoseReport, None)

@@ -23,7 +23,7 @@ impl Kind for ReportedOdometry {
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.localization.estimates()
+        settings.setup.localization.estimates()
     }
 
     fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {

@@ -32,7 +32,7 @@ impl OperatorKind for EnableSwitch {
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
-        settings.config.gate.enabled
+        settings.setup.gate.enabled
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
@@ -40,11 +40,11 @@ impl OperatorKind for EnableSwitch {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        if settings.config.is_driven_over_ros2() { Vec::new() } else { In::ports() }
+        if settings.setup.is_driven_over_ros2() { Vec::new() } else { In::ports() }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let config = site.config();
+        let config = site.setup();
         if config.is_driven_over_ros2() {
             site.add_source::<Switch>();
             return Ok(());

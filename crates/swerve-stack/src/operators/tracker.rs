@@ -69,7 +69,7 @@ impl OperatorKind for Trackers {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
-        let config = settings.config;
+        let config = settings.setup;
         let sightings_max = config.prediction.sightings();
         if !settings.offers::<Detections>() {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };

@@ -36,15 +36,15 @@ impl Kind for World {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let sim = &site.config().sim;
+        let sim = &site.setup().sim;
         let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
         let simulator = Simulator::exact(site.surroundings().scenario.clone(), &params)?;
-        let course = site.config().course.clone();
+        let course = site.setup().course.clone();
         Ok(Self { simulator, latched: Command::default(), steps: 0, course })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(every(span_of_ms(settings.config.sim.dt_ms)))
+        Some(every(span_of_ms(settings.setup.sim.dt_ms)))
     }
 }
 

@@ -1,9 +1,9 @@
-use crate::config::Config;
+use crate::Setup;
 use swerve_text::Document;
 
 fn problems(text: &str) -> Vec<String> {
     let document = Document::parse("c.toml", text).unwrap();
-    let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+    let problems = Setup::from_document(&document, &[]).err().unwrap_or_default();
     problems.iter().map(ToString::to_string).collect()
 }
 
@@ -36,7 +36,7 @@ transfer_ms = 3
 params = { columns = 512, range_sigma_m = 0 }
 ";
     let document = Document::parse("c.toml", text).unwrap();
-    let config = Config::from_document(&document, &[]).unwrap();
+    let config = Setup::from_document(&document, &[]).unwrap();
     let spec = config.lidar["roof"].spec(7).unwrap();
     assert_eq!((spec.beams.len(), spec.columns, spec.rate_hz, spec.seed), (2, 512, 20.0, 7));
     assert_eq!((spec.range_sigma_m, spec.reach_m), (0.0, 40.0));
@@ -45,7 +45,7 @@ params = { columns = 512, range_sigma_m = 0 }
     assert_eq!((radar.params().range_max_m, radar.params().range_resolution_m), (80.0, 0.4));
     // The written configuration reads back as itself.
     let resolved = Document::parse("resolved", config.to_text()).unwrap();
-    assert_eq!(Config::from_document(&resolved, &[]).unwrap(), config);
+    assert_eq!(Setup::from_document(&resolved, &[]).unwrap().config, config.config);
 }
 
 #[test]

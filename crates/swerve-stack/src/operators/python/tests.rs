@@ -3,8 +3,8 @@ use swerve_text::Document;
 
 use super::*;
 use crate::Assembly;
-use crate::config::Config;
 use crate::pipeline::Pipeline;
+use crate::setup::Setup;
 
 /// A detector added by the configuration only, and a process that runs it.
 const DETECTOR: &str = "
@@ -21,9 +21,9 @@ operators = ['finder']
 start = ['python3', '-m', 'swerve', 'worker', 'finder.py:Finder']
 ";
 
-fn read(text: &str) -> Result<Config, Vec<String>> {
+fn read(text: &str) -> Result<Setup, Vec<String>> {
     let document = Document::parse("c.toml", text).unwrap();
-    Config::from_document(&document, &[])
+    Setup::from_document(&document, &[])
         .map_err(|problems| problems.iter().map(ToString::to_string).collect())
 }
 
