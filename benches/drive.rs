@@ -10,7 +10,7 @@ use swerve_flow::Observer;
 use swerve_gpu::{AdapterKind, Gpu};
 use swerve_log::{Recorder, RunStart};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_study::Bench;
 use swerve_text::Document;
@@ -30,7 +30,7 @@ fn cpu_s() -> f64 {
 }
 
 /// Drives once on this many threads; returns the simulated seconds.
-fn drive(config: &Config, scenario: &Scenario, threads: usize, log: Option<&Path>) -> anyhow::Result<f64> {
+fn drive(config: &Setup, scenario: &Scenario, threads: usize, log: Option<&Path>) -> anyhow::Result<f64> {
     let Some(log) = log else {
         return Ok(drive_observed(config, scenario, threads, &mut [])?.report.at.as_secs());
     };
@@ -50,7 +50,7 @@ fn drive(config: &Config, scenario: &Scenario, threads: usize, log: Option<&Path
 
 /// Simulated seconds per processor second and per second, over drives of half a second in total.
 fn rates(
-    config: &Config,
+    config: &Setup,
     scenario: &Scenario,
     threads: usize,
     log: Option<&Path>,
@@ -79,7 +79,7 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
         for (logging, log, foxglove) in kinds {
             let foxglove = format!("log.foxglove={foxglove}");
             let set = assignments(&[&format!("planning.planner={planner}"), &foxglove])?;
-            let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
+            let config = Setup::load(None, &set).map_err(|problems| problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
                 let (per_core, per_wall) = rates(&config, &scenario, 1, log)?;
@@ -118,7 +118,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
         let text = SENSORS.replace("WIDTH", &width.to_string()).replace("HEIGHT", &height.to_string());
         let document = Document::parse("sensors", text)?;
         let set = assignments(&[&format!("log.images={images}")])?;
-        let config = Config::from_document(&document, &set).map_err(|problems| problems_error(&problems))?;
+        let config = Setup::from_document(&document, &set).map_err(|problems| problems_error(&problems))?;
         let (mut core, mut wall) = (vec![], vec![]);
         for _ in 0..ROUNDS {
             let (per_core, per_wall) = rates(&config, &scenario, 2, Some(&file))?;
@@ -145,7 +145,7 @@ fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("showcase.mcap");
     let cores = cores();
     let times_real_time = |set: &[&str], threads: usize, rounds: usize| -> anyhow::Result<Sample> {
-        let config = Config::load(Some(&root().join("configs/showcase.toml")), &assignments(set)?)
+        let config = Setup::load(Some(&root().join("configs/showcase.toml")), &assignments(set)?)
             .map_err(|problems| problems_error(&problems))?;
         let mut rates = vec![];
         for _ in 0..rounds {

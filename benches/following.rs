@@ -7,6 +7,7 @@ use swerve_benches::{Goal, Rows, Sample, asked_number, is_asked_to_measure};
 use swerve_drive::{drive, problems_error};
 use swerve_planning::testing::least_braking_mps2;
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 
 const PLANNERS: [&str; 4] = ["fot", "rrt_star", "hybrid_astar", "waypoint"];
@@ -93,7 +94,7 @@ struct Drive<'a> {
     brake_mps2: f64,
 }
 
-fn driven<'a>(config: &Config, behind: &'a Behind) -> anyhow::Result<Drive<'a>> {
+fn driven<'a>(config: &Setup, behind: &'a Behind) -> anyhow::Result<Drive<'a>> {
     let metrics = drive(config, &behind.scenario)?.metrics;
     Ok(Drive {
         behind,
@@ -117,12 +118,12 @@ fn main() -> anyhow::Result<()> {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "following");
     for planner in PLANNERS {
         let set = [swerve_text::parse_assignment(&format!("planning.planner={planner}"))?];
-        let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
+        let config = Setup::load(None, &set).map_err(|problems| problems_error(&problems))?;
         let cases: Vec<_> =
             leads.iter().flat_map(|behind| (1..=seeds).map(move |seed| (behind, seed))).collect();
         let drives = cases
             .into_par_iter()
-            .map(|(behind, seed)| driven(&Config { seed, ..config.clone() }, behind))
+            .map(|(behind, seed)| driven(&Setup::from(Config { seed, ..config.config.clone() }), behind))
             .collect::<anyhow::Result<Vec<_>>>()?;
         for speed_mps in SPEEDS_MPS {
             let of: Vec<_> = drives.iter().filter(|drive| drive.behind.lead.speed_mps == speed_mps).collect();

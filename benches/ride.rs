@@ -7,6 +7,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use swerve_benches::{Sample, asked_number, is_asked_to_measure, print};
 use swerve_drive::{drive, problems_error, read_scenario};
 use swerve_eval::Metrics;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 
 const SCENARIOS: [&str; 10] = [
@@ -53,8 +54,8 @@ fn main() -> anyhow::Result<()> {
                     [format!("planning.planner={planner}"), format!("planning.comfort.enabled={layer}")];
                 let set: Vec<_> =
                     set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?;
-                let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
-                let drive = |seed| drive(&Config { seed, ..config.clone() }, &scenario);
+                let config = Setup::load(None, &set).map_err(|problems| problems_error(&problems))?;
+                let drive = |seed| drive(&Setup::from(Config { seed, ..config.config.clone() }), &scenario);
                 let drives = (1..=seeds).into_par_iter().map(|seed| Ok(drive(seed)?.metrics));
                 let drives = drives.collect::<anyhow::Result<Vec<_>>>()?;
                 row += &format!(" {} |", cell(&drives));

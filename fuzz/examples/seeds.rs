@@ -147,7 +147,7 @@ fn driven(folder: &Path) -> anyhow::Result<()> {
         let _remote = pipeline.graph.operator(operator)?.remote(Box::new(asked));
     }
     let log = swerve_fuzz::Scratch::file("log.mcap", &[]);
-    let start = run_start(&Config::default(), &pipeline.scenario, Path::new("person_behind_truck"));
+    let start = run_start(&Setup::default(), &pipeline.scenario, Path::new("person_behind_truck"));
     let mut recorder = Recorder::create(log.path(), &start)?;
     let mut messages = Messages::default();
     drive_pipeline(pipeline, 1, 1, &mut [&mut messages, &mut recorder])?;

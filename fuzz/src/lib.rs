@@ -61,7 +61,7 @@ pub fn pipeline() -> Pipeline {
     const SENSORS: &str = "[camera.front]\nwidth_px = 16\nheight_px = 8\nperiod_ms = 200\n\
                            [lidar.roof]\npreset = 'vlp_32'\n[monitor.eye]\nsensor = 'front'\n";
     let config = Document::parse("sensors", SENSORS).expect("it is TOML");
-    let config = Config::from_document(&config, &[]).expect("it is a configuration");
+    let config = Setup::from_document(&config, &[]).expect("it is a configuration");
     let scenario = include_str!("../../scenarios/person_behind_truck.toml");
     let scenario = Scenario::parse("scenario", scenario).expect("it is a scenario");
     let mut pipeline = Pipeline::build(&config, &scenario).expect("it can be built");

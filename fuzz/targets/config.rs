@@ -6,6 +6,6 @@ use swerve_text::Document;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
     if let Ok(document) = Document::parse("fuzzed.toml", text) {
-        let _either_way = Config::from_document(&document, &[]).is_ok();
+        let _either_way = Setup::from_document(&document, &[]).is_ok();
     }
 });

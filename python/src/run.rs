@@ -36,7 +36,7 @@ pub(crate) enum FileOr<'py> {
 
 /// Inputs of a drive.
 pub(crate) struct Inputs {
-    pub(crate) config: Config,
+    pub(crate) config: Setup,
     pub(crate) scenario: Scenario,
     scenario_text: String,
     scenario_file: String,
@@ -55,13 +55,13 @@ impl Inputs {
         sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
         let config_of = config;
         let config = match config_of {
-            None => Config::load(None, &sets),
+            None => Setup::load(None, &sets),
             Some(FileOr::File(path)) => {
                 Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets)
             }
             Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
                 .map_err(swerve_text::Problems::from)
-                .and_then(|document| Config::from_document(&document, &sets)),
+                .and_then(|document| Setup::from_document(&document, &sets)),
         };
         let is_file = matches!(config_of, Some(FileOr::File(_)));
         let mut config = config.map_err(|problems| error(problems_error(&problems)))?;
@@ -179,7 +179,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
 }
 
 /// Creates a log; replaces an earlier log, but no other file.
-fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
+fn recorder(path: &Path, start: &RunStart, config: &Setup, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
     if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
         std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
     }

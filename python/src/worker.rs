@@ -12,7 +12,7 @@ use swerve_drive::process::run_worker_with;
 use swerve_flow::{
     AnyInput, AnyMessage, AnyOperator, AnyOutputs, Context, Graph, Header, InputKind, OperatorInfo,
 };
-use swerve_ipc::Setup;
+use swerve_ipc::WorkerSetup;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::convert::{cbor, error};
@@ -131,7 +131,7 @@ fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, 
 /// each frame. Ports have names if the configuration declares them.
 #[pyfunction]
 pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
-    let prepare = |setup: &Setup, pipeline: Pipeline| {
+    let prepare = |setup: &WorkerSetup, pipeline: Pipeline| {
         let Pipeline { mut graph, assembly, .. } = pipeline;
         let described = graph.describe()?;
         for name in &setup.operators {

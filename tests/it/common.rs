@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_log::Recorder;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignment;
 
@@ -24,12 +24,12 @@ pub(crate) fn sets(assignments: &[&str]) -> Vec<(String, toml::Value)> {
 }
 
 /// The default configuration with some assignments.
-pub(crate) fn config(assignments: &[&str]) -> Config {
-    Config::load(None, &sets(assignments)).unwrap_or_else(|problems| panic!("{problems:?}"))
+pub(crate) fn config(assignments: &[&str]) -> Setup {
+    Setup::load(None, &sets(assignments)).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
 /// Runs the scenario in `file` and records it to `log`.
-pub(crate) fn record(config: &Config, file: &Path, log: &Path, threads: usize) -> Outcome {
+pub(crate) fn record(config: &Setup, file: &Path, log: &Path, threads: usize) -> Outcome {
     let pipeline = Pipeline::build(config, &read_scenario(file).unwrap()).unwrap();
     let _earlier = std::fs::remove_file(log);
     let mut recorder = Recorder::create(log, &run_start(config, &pipeline.scenario, file)).unwrap();

@@ -9,7 +9,8 @@ use swerve::replay::replay;
 use swerve_drive::{drive, read_scenario};
 use swerve_foxglove::Figures;
 use swerve_log::Log;
-use swerve_stack::config::{Config, Images};
+use swerve_stack::Setup;
+use swerve_stack::config::Images;
 use tempfile::TempDir;
 
 use crate::common::{config, record, root, scenario_file, sets};
@@ -36,7 +37,7 @@ const CAMERAS: [(&str, u32, u32, f64); 6] = [
 const COLUMNS: u32 = 300;
 
 /// The showcase with small images.
-fn showcase(more: &[&str]) -> Config {
+fn showcase(more: &[&str]) -> Setup {
     let sizes = CAMERAS.iter().flat_map(|(name, width, height, _)| {
         [format!("camera.{name}.width_px={width}"), format!("camera.{name}.height_px={height}")]
     });
@@ -46,11 +47,11 @@ fn showcase(more: &[&str]) -> Config {
         .collect();
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
     let file = root().join("configs/showcase.toml");
-    Config::load(Some(&file), &sets(&all)).unwrap_or_else(|problems| panic!("{problems:?}"))
+    Setup::load(Some(&file), &sets(&all)).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
 /// A log of the short street.
-fn log_of(config: &Config) -> (TempDir, PathBuf) {
+fn log_of(config: &Setup) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     record(config, &short_street(folder.path()), &log, 1);
@@ -142,7 +143,7 @@ fn foxglove_data_affects_no_run_and_no_replay() {
 
 #[test]
 fn jpeg_without_a_destination_is_refused() {
-    let told = |set: &[&str]| Config::load(None, &sets(set)).unwrap_err()[0].to_string();
+    let told = |set: &[&str]| Setup::load(None, &sets(set)).unwrap_err()[0].to_string();
     assert!(told(&["log.images=jpeg", "log.foxglove=false"]).contains("log.foxglove"));
     assert!(told(&["log.images=jpeg", "log.jpeg_quality=0"]).contains("expected 1 to 100"));
 }

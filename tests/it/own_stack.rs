@@ -10,7 +10,7 @@ use swerve_core::Time;
 use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::common::{root, scenario_file, sets};
@@ -55,9 +55,9 @@ fn registry() -> Registry {
         .with_view(clear_ahead::show)
 }
 
-fn config(assignments: &[&str]) -> Config {
+fn config(assignments: &[&str]) -> Setup {
     let file = root().join("examples/own_stack/own_stack.toml");
-    let config = Config::load_with(&registry(), Some(&file), &sets(assignments));
+    let config = Setup::load_with(&registry(), Some(&file), &sets(assignments));
     config.unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
@@ -75,7 +75,7 @@ impl Observer for Recorded {
     }
 }
 
-fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Recorded, Outcome) {
+fn drive(config: &Setup, threads: usize, log: Option<&Path>) -> (Recorded, Outcome) {
     let file = scenario_file("person_crossing");
     let mut pipeline = Pipeline::build(config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(4000);
@@ -135,7 +135,7 @@ fn faults_apply_to_inputs_of_custom_operators_and_wrong_keys_are_refused_with_th
     let (seen, faulty) = drive(&late, 1, None);
     assert_ne!(faulty.digest, sound.digest);
     assert!(seen.0.iter().all(|(stamp, at, _)| (*at - *stamp).ns() >= 315_000_000));
-    let refused = Config::load_with(
+    let refused = Setup::load_with(
         &registry(),
         Some(&root().join("examples/own_stack/own_stack.toml")),
         &sets(&["operator.clear_ahead.rang_m=5"]),
@@ -149,7 +149,7 @@ fn faults_apply_to_inputs_of_custom_operators_and_wrong_keys_are_refused_with_th
 fn planner_of_a_new_folder_drives_its_scenario() {
     let registry = Registry::standard().with::<new_slow_down::SlowDown>();
     let folder = root().join("crates/swerve/template");
-    let config = Config::load_with(&registry, Some(&folder.join("own.toml")), &[]).unwrap();
+    let config = Setup::load_with(&registry, Some(&folder.join("own.toml")), &[]).unwrap();
     let scenario = read_scenario(&folder.join("scenario.toml")).unwrap();
     let outcome =
         drive_pipeline(Pipeline::build(&config, &scenario).unwrap(), config.seed, 1, &mut []).unwrap();

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use swerve_drive::{drive, read_scenario};
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 
 use crate::common::{config, root};
@@ -15,7 +16,7 @@ fn files() -> Vec<PathBuf> {
 }
 
 /// Pipeline by its name in scenarios.
-fn named(name: &str) -> Config {
+fn named(name: &str) -> Setup {
     let (preset, planner) = match name.strip_prefix("paper_") {
         Some(planner) => ("paper", planner),
         None => ("best", name),
@@ -26,7 +27,7 @@ fn named(name: &str) -> Config {
 }
 
 /// Deviations of a run of `file` under `config` from the expected result.
-fn broken(file: &Path, config: &Config) -> Vec<String> {
+fn broken(file: &Path, config: &Setup) -> Vec<String> {
     let scenario = read_scenario(file).unwrap();
     let pipeline = config.pipeline_name();
     let expected = scenario
@@ -39,13 +40,13 @@ fn broken(file: &Path, config: &Config) -> Vec<String> {
 
 #[test]
 fn default_pipeline_meets_the_expectation_of_every_scenario() {
-    let broken: Vec<String> = files().iter().flat_map(|file| broken(file, &Config::default())).collect();
+    let broken: Vec<String> = files().iter().flat_map(|file| broken(file, &Setup::default())).collect();
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
 #[test]
 fn every_pipeline_named_in_a_scenario_meets_its_expectation() {
-    let default = Config::default().pipeline_name();
+    let default = Setup::default().pipeline_name();
     let (mut runs, mut all_broken) = (0, Vec::new());
     for file in files() {
         let expect = read_scenario(&file).unwrap().expect;
@@ -74,7 +75,7 @@ fn everyday_scenarios_hold_under_every_planner() {
 fn other_seeds_give_the_same_result() {
     for (name, seeds) in [("person_behind_truck", 2..5), ("person_behind_parked_car", 2..4)] {
         for seed in seeds {
-            let config = Config { seed, ..Config::default() };
+            let config = Setup::from(Config { seed, ..Config::default() });
             let broken = broken(&crate::common::scenario_file(name), &config);
             assert!(broken.is_empty(), "seed {seed}: {}", broken.join("; "));
         }
@@ -99,7 +100,8 @@ fn presets_slow_for_people_who_stop_in_the_lane() {
 /// Number of drives of a scenario, one per seed, that end without a collision and on the road.
 fn good(scenario: &Scenario, seeds: u64, sets: &[&str]) -> u64 {
     let ends_well = |seed: &u64| {
-        let config = Config { seed: *seed, ..config(sets) };
+        let mut config = config(sets);
+        config.seed = *seed;
         let metrics = drive(&config, scenario).unwrap().metrics;
         metrics.impact.is_none() && metrics.left_road_at_s.is_none()
     };

@@ -8,7 +8,7 @@ use swerve_flow::{Observer, RunOptions, RunReport, RuntimeModel, run_virtual, ru
 use swerve_log::Log;
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_stack::Rendered;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
@@ -34,13 +34,13 @@ pub struct Outcome {
 }
 
 /// Runs a scenario without writing files.
-pub fn drive(config: &Config, scenario: &Scenario) -> anyhow::Result<Outcome> {
+pub fn drive(config: &Setup, scenario: &Scenario) -> anyhow::Result<Outcome> {
     drive_observed(config, scenario, 1, &mut [])
 }
 
 /// Runs a scenario and passes all events to `observers`.
 pub fn drive_observed(
-    config: &Config,
+    config: &Setup,
     scenario: &Scenario,
     threads: usize,
     observers: &mut [&mut dyn Observer],

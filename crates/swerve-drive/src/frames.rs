@@ -23,8 +23,8 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{Detections, Image, Lanes, ObstacleList, Plan, TrafficLights};
 use swerve_report::files::{write_png_by, written_by};
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 use swerve_stack::assembly::{Assembly, Placed};
-use swerve_stack::config::Config;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 
 use annotate::Canvas;
@@ -167,12 +167,7 @@ impl Frames {
     ///
     /// # Errors
     /// If the folder cannot be created or contains foreign files, or if a video is requested without `ffmpeg`.
-    pub fn create(
-        to: Sinks<'_>,
-        title: String,
-        scenario: &Scenario,
-        config: &Config,
-    ) -> anyhow::Result<Self> {
+    pub fn create(to: Sinks<'_>, title: String, scenario: &Scenario, config: &Setup) -> anyhow::Result<Self> {
         let (shape, render) = (&config.sim.vehicle.shape, &config.render);
         let size_px = (WIDTH_PX + BESIDE_PX, HEIGHT_PX);
         let mut earlier = Vec::new();

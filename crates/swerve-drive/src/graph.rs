@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::assembly::{Assembly, Redirected};
-use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::overwrite::OverwriteArgs;
@@ -58,7 +58,7 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
 }
 
 /// Reports on standard error, a line each, the operators that an added operator makes read other streams.
-pub fn note_redirected(config: &Config, assembly: &Assembly) {
+pub fn note_redirected(config: &Setup, assembly: &Assembly) {
     for Redirected { added, operator, reads, in_place_of } in assembly.redirected(config) {
         swerve_report::output::tell(&format!(
             "note: [operator.{added}] changes what `{operator}` reads: {} in place of {}; `reads` in [operator.{operator}] \

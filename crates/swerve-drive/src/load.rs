@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_text::{did_you_mean, parse_assignment, parse_assignments};
 
@@ -73,7 +74,7 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
 }
 
 /// Reads and checks the files named on a command line.
-pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Scenario)> {
     let mut sets = parse_assignments(&input.set)?;
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
@@ -96,7 +97,7 @@ pub fn load_config(
     files: &[PathBuf],
     set: &[String],
     code: CodeArgs,
-) -> anyhow::Result<Config> {
+) -> anyhow::Result<Setup> {
     let sets = parse_assignments(set)?;
     let config = Kind::Config.config(registry, files, &sets);
     let mut config = config.map_err(|problems| problems_error(&problems))?;

@@ -15,6 +15,7 @@ use swerve_report::output::quoted;
 use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
 use swerve_scenario::{Road, Scenario, TrafficLight};
 use swerve_stack::Assembly;
+use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
@@ -40,7 +41,7 @@ pub struct RunReport {
 
 impl RunReport {
     /// Creates the page of a run that is about to start.
-    pub fn new(config: &Config, pipeline: &Pipeline, command: String) -> Self {
+    pub fn new(config: &Setup, pipeline: &Pipeline, command: String) -> Self {
         let mut report = Self::of_config(config, &pipeline.scenario, command);
         report.set_up(config, pipeline);
         report
@@ -50,7 +51,7 @@ impl RunReport {
     ///
     /// # Errors
     /// If the configuration does not make a pipeline.
-    pub fn live(config: &Config, scenario: &Scenario, command: String) -> anyhow::Result<Self> {
+    pub fn live(config: &Setup, scenario: &Scenario, command: String) -> anyhow::Result<Self> {
         let mut report = Self::of_config(config, scenario, command);
         report.set_up_live(config, scenario)?;
         Ok(report)
@@ -64,7 +65,7 @@ impl RunReport {
         self
     }
 
-    fn of_config(config: &Config, scenario: &Scenario, command: String) -> Self {
+    fn of_config(config: &Setup, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
             notes: trust::programs(config).iter().map(|line| format!("{line}.")).collect(),
             scenario: scenario.name.clone(),
@@ -78,7 +79,7 @@ impl RunReport {
         Self { collector: Collector::new(), page, title: title(config, scenario) }
     }
 
-    fn set_up(&mut self, config: &Config, pipeline: &Pipeline) {
+    fn set_up(&mut self, config: &Setup, pipeline: &Pipeline) {
         let shape = outline(&pipeline.vehicle.shape);
         let scenario = &pipeline.scenario;
         self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
@@ -91,7 +92,7 @@ impl RunReport {
     }
 
     /// Sets up a live drive. The graph needs the vehicle; the inputs do not.
-    fn set_up_live(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
+    fn set_up_live(&mut self, config: &Setup, scenario: &Scenario) -> anyhow::Result<()> {
         let shape = outline(&config.sim.vehicle.shape);
         self.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
         set_inputs(&mut self.collector, &Assembly::new(config)?);
@@ -201,7 +202,7 @@ pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
 }
 
 /// Keys of a configuration that are not at their defaults.
-fn changed(config: &Config) -> Vec<Changed> {
+fn changed(config: &Setup) -> Vec<Changed> {
     let flat = |config: &Config| {
         let mut keys = Vec::new();
         let table = toml::Table::try_from(config).expect("a configuration is plain tables and values");
@@ -210,13 +211,13 @@ fn changed(config: &Config) -> Vec<Changed> {
     };
     let of = |text: String| {
         let document = Document::parse("defaults", text).ok()?;
-        Config::from_document_with(&config.registry, &document, &[]).ok()
+        Setup::from_document_with(&config.registry, &document, &[]).ok()
     };
     // The defaults include an empty table for each sensor; the presence of the sensor itself is reported too.
     let sensors = sensors(config);
     let tables: String = sensors.iter().map(|sensor| format!("[{sensor}]\n")).collect();
     let default = of(tables).or_else(|| of(String::new()));
-    let (mut own, usual) = (flat(config), default.as_ref().map_or_else(Vec::new, flat));
+    let (mut own, usual) = (flat(config), default.as_ref().map_or_else(Vec::new, |config| flat(config)));
     let value_of = |all: &[(String, String)], key: &str| {
         all.iter().find(|(k, _)| k == key).map_or_else(String::new, |(_, value)| value.clone())
     };
@@ -232,7 +233,7 @@ fn changed(config: &Config) -> Vec<Changed> {
 }
 
 /// Tables of a configuration's cameras, lidars and radars.
-fn sensors(config: &Config) -> Vec<String> {
+fn sensors(config: &Setup) -> Vec<String> {
     let table = |kind: &'static str| move |name: &String| format!("{kind}.{name}");
     let cameras = config.camera.keys().map(table("camera"));
     let lidars = config.lidar.keys().map(table("lidar"));

@@ -11,11 +11,12 @@ use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{Graph, SourceHandle};
 use swerve_ipc::{
-    IpcError, LATE_S, OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work,
+    IpcError, LATE_S, OnWorkerEvent, Traffic, WorkerEvent, WorkerPool, WorkerSetup, WorkerSpec, work,
 };
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::config::process::{ProcessConfig, SharedMemoryConfig};
@@ -132,7 +133,7 @@ impl Processes {
     ///
     /// # Errors
     /// Same as [`start`](Self::start).
-    pub fn start_needed(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
+    pub fn start_needed(config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
         let mut needed: BTreeMap<String, ProcessConfig> = config
             .processes_elsewhere(&pipeline.assembly)
             .map(|(name, process)| (name.clone(), process.clone()))
@@ -146,16 +147,16 @@ impl Processes {
             process.operators.retain(is_stepped);
         }
         needed.retain(|_, process| !process.operators.is_empty());
-        let config =
-            Config { process: needed, shared_memory: SharedMemoryConfig::default(), ..config.clone() };
-        Self::start(&Program::this()?, &config, pipeline).map(Some)
+        let mut setup = config.clone();
+        (setup.process, setup.shared_memory) = (needed, SharedMemoryConfig::default());
+        Self::start(&Program::this()?, &setup, pipeline).map(Some)
     }
 
     /// Starts the processes of a configuration with this program, if it has any.
     ///
     /// # Errors
     /// Same as [`start`](Self::start).
-    pub fn start_all(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
+    pub fn start_all(config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
         let start = || Self::start(&Program::this()?, config, pipeline);
         (!config.process.is_empty()).then(start).transpose()
     }
@@ -165,7 +166,7 @@ impl Processes {
     /// # Errors
     /// If the user has not consented to a program named in the configuration, if there is no shared memory, or if a
     /// process does not start.
-    pub fn start(program: &Program, config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+    pub fn start(program: &Program, config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         trust::check(config, config.process.keys())?;
         let texts = Texts { config: config.to_text(), scenario: pipeline.scenario.text.to_string() };
         let payload = serde_json::to_vec(&texts)?;
@@ -228,14 +229,14 @@ pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
 /// If it was not started by a run, if the run's shared memory is missing, or any error of `prepare`.
 pub fn run_worker_with(
     registry: &Registry,
-    prepare: impl FnOnce(&Setup, Pipeline) -> anyhow::Result<Graph>,
+    prepare: impl FnOnce(&WorkerSetup, Pipeline) -> anyhow::Result<Graph>,
 ) -> anyhow::Result<()> {
-    let setup = Setup::read(std::io::stdin().lock())
+    let setup = WorkerSetup::read(std::io::stdin().lock())
         .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
     let texts: Texts = serde_json::from_slice(&setup.payload)?;
     let document = Document::parse("configuration of the run", texts.config)?;
     let config =
-        Config::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
+        Setup::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
     let scenario = Scenario::parse("scenario of the run", &texts.scenario)
         .map_err(|problems| problems_error(&problems))?;
     // Cameras and lidars are not stepped here.
@@ -261,7 +262,7 @@ mod tests {
     fn waiting_and_giving_up_name_the_missing_process() {
         let text = "[process.far]\noperators = [\"planner\"]\nstart = [\"sleep\", \"100\"]\n\
                     [process.near]\noperators = [\"tracker\"]\n";
-        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        let config = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         let start = "process.far.start = [\"sleep\", \"100\"]";
         assert_eq!(
             waiting(&config, "far"),

@@ -8,8 +8,9 @@ use swerve_log::{LeavesOut, LogError, Recorder, RunStart};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
+use swerve_stack::config::Images;
 use swerve_stack::config::clock::Clock;
-use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 
 use crate::views::views_of;
@@ -73,7 +74,7 @@ pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
 }
 
 /// Configures the recorder as the configuration requires.
-pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
+pub fn set_up(recorder: &mut Recorder, config: &Setup, pipeline: &Pipeline) {
     if let Some(images) = left_out_of_logs(config.log.images) {
         recorder.leave_out(images);
     }
@@ -84,7 +85,7 @@ pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
 }
 
 /// Head of a log: everything needed to run again without the files.
-pub fn run_start(config: &Config, scenario: &Scenario, file: &Path) -> RunStart {
+pub fn run_start(config: &Setup, scenario: &Scenario, file: &Path) -> RunStart {
     let text = scenario.text.to_string();
     RunStart {
         version: env!("CARGO_PKG_VERSION").into(),

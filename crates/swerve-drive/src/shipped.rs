@@ -10,6 +10,7 @@ use std::path::{Component, Path, PathBuf};
 
 use swerve_scenario::is_scenario_key;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
 use swerve_text::{Document, Problem, Problems, nearest};
@@ -356,10 +357,10 @@ impl Kind {
         registry: &Registry,
         given: &[PathBuf],
         sets: &[(String, toml::Value)],
-    ) -> Result<Config, Problems> {
+    ) -> Result<Setup, Problems> {
         let (document, mut layers) = self.layers(given)?;
         layers.push(Layer::of_sets("--set", sets, None));
-        let mut config = Config::from_document_with(registry, &document, sets)?;
+        let mut config = Setup::from_document_with(registry, &document, sets)?;
         config.trust(&layers);
         Ok(config)
     }

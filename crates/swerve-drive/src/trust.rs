@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use swerve_report::output::tell;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::programs::shown;
 
 /// Consent to the programs named in files.
@@ -22,7 +22,7 @@ pub struct CodeArgs {
 
 impl CodeArgs {
     /// Allows all programs of a configuration if the user has consented.
-    pub fn apply(self, config: &mut Config) {
+    pub fn apply(self, config: &mut Setup) {
         if self.allow_code {
             config.allow_programs();
         }
@@ -32,7 +32,7 @@ impl CodeArgs {
     ///
     /// # Errors
     /// Same as [`start`].
-    pub fn start(self, config: &mut Config) -> anyhow::Result<()> {
+    pub fn start(self, config: &mut Setup) -> anyhow::Result<()> {
         self.apply(config);
         start(config)
     }
@@ -102,12 +102,12 @@ fn doubt_of_owner(_: &Path, _: bool) -> Option<String> {
 }
 
 /// Lists the programs of a configuration, one per line, as in `process.far.start runs `ssh far``.
-pub fn programs(config: &Config) -> Vec<String> {
+pub fn programs(config: &Setup) -> Vec<String> {
     config.programs().map(|program| format!("{} runs `{}`", program.key, shown(&program.words))).collect()
 }
 
 /// Same as [`programs`], with the reasons why some need `--allow-code`.
-pub fn programs_with_doubts(config: &Config) -> Vec<String> {
+pub fn programs_with_doubts(config: &Setup) -> Vec<String> {
     let line = |(line, name): (String, &String)| match config.refusal(name) {
         Some(refusal) => format!("{line}, with --allow-code only ({})", refusal.why),
         None => line,
@@ -120,7 +120,7 @@ pub fn programs_with_doubts(config: &Config) -> Vec<String> {
 ///
 /// # Errors
 /// If the user has not consented to one of them.
-pub fn start(config: &Config) -> anyhow::Result<()> {
+pub fn start(config: &Setup) -> anyhow::Result<()> {
     check(config, config.process.keys())?;
     programs(config).iter().for_each(|line| tell(&format!("note: {line}")));
     Ok(())
@@ -130,7 +130,7 @@ pub fn start(config: &Config) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// All refusals, with key and command line.
-pub fn check<'a>(config: &Config, processes: impl IntoIterator<Item = &'a String>) -> anyhow::Result<()> {
+pub fn check<'a>(config: &Setup, processes: impl IntoIterator<Item = &'a String>) -> anyhow::Result<()> {
     let refusals = processes.into_iter().filter_map(|name| config.refusal(name));
     let refusals: Vec<String> = refusals.map(|refusal| refusal.to_string()).collect();
     anyhow::ensure!(refusals.is_empty(), "{}", refusals.join("\n"));

@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use swerve_core::Span;
-use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
+use swerve_foxglove::{self as foxglove, ImageForm, Mount, Sensor};
 use swerve_geom::{Ego, Point, Transform};
 use swerve_msg::RoadLine;
 use swerve_scenario::{Road, Scenario};
+use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 
 /// Road, car and sensors of a run.
-pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
+pub fn views_of(config: &Setup, pipeline: &Pipeline) -> foxglove::Setup {
     let assembly = &pipeline.assembly;
     let camera = |stream: &str| stream.split('.').next().unwrap_or_default().to_owned();
     let detectors = assembly.operators().iter().filter_map(|placed| {
@@ -19,12 +20,12 @@ pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
     });
     let (detectors, mounts) = (detectors.collect(), mounts(config, |name| config.runs(name)));
     let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
-    Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
+    foxglove::Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
 }
 
 /// Road, car and sensors of a drive with a vehicle; all mounted sensors run.
-pub fn live_views(config: &Config, scenario: &Scenario) -> Setup {
-    Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
+pub fn live_views(config: &Config, scenario: &Scenario) -> foxglove::Setup {
+    foxglove::Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
 }
 
 /// Lane borders of the ego lane within the drivable area, metres to the left of its centre.
@@ -33,9 +34,9 @@ fn lane_lines_m(road: &Road) -> Vec<f64> {
     road.lines().into_iter().filter(|&(line, _)| inner(line)).map(|(_, d_m)| d_m).collect()
 }
 
-fn setup(config: &Config, scenario: &Scenario) -> Setup {
+fn setup(config: &Config, scenario: &Scenario) -> foxglove::Setup {
     let (log, vehicle) = (&config.log, &config.sim.vehicle);
-    Setup {
+    foxglove::Setup {
         route: scenario.road.route(),
         lines_m: lane_lines_m(&scenario.road),
         shape: vehicle.shape,

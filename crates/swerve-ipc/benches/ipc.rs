@@ -25,7 +25,7 @@ use swerve_flow::{
     Answered, At, Call, Context, Every, Graph, Lost, Operator, Port, RemoteExecutor, RunOptions, every,
     run_virtual,
 };
-use swerve_ipc::{OnLoss, Setup, WorkerPool, WorkerSpec, work};
+use swerve_ipc::{OnLoss, WorkerPool, WorkerSetup, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
@@ -178,7 +178,7 @@ fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
 }
 
 fn worker() -> Outcome<()> {
-    let setup = Setup::read(std::io::stdin().lock())?;
+    let setup = WorkerSetup::read(std::io::stdin().lock())?;
     let sensor = Sensor { bytes: 0, memory: None, sealed: Arc::default() };
     Ok(work(&setup, graph(sensor).into_worker(&setup.operators)?)?)
 }

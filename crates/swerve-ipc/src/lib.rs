@@ -34,4 +34,4 @@ pub use leftovers::dead_runs;
 pub use link::{Traffic, kill_workers};
 pub use pool::{LATE_S, OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
 pub use service::writable;
-pub use worker::{Setup, work};
+pub use worker::{WorkerSetup, work};

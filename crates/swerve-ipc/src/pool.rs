@@ -21,7 +21,7 @@ use crate::lend::{Lender, Live, StreamMemory};
 use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Waits, Watched, now};
 use crate::service::Hub;
 use crate::waker::Waker;
-use crate::{IpcError, Setup, Traffic};
+use crate::{IpcError, Traffic, WorkerSetup};
 
 /// Reaction to the death of a worker process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -50,7 +50,7 @@ pub struct WorkerSpec {
     pub spin: Duration,
     /// A worker that has not answered a call after this time is killed.
     pub reply_within: Duration,
-    /// Command that ends in [`work`](crate::work); it receives its [`Setup`] through standard input.
+    /// Command that ends in [`work`](crate::work); it receives its [`WorkerSetup`] through standard input.
     pub command: Box<dyn Fn() -> Command + Send>,
 }
 
@@ -258,7 +258,7 @@ impl Watch {
     /// Starts the worker and sends it its setup. The returned descriptor becomes readable when the process ends.
     fn start(&mut self) -> std::io::Result<OwnedFd> {
         let start = self.shared.watched.life().starts + 1;
-        let setup = Setup {
+        let setup = WorkerSetup {
             address: self.address.clone(),
             process: self.spec.process.clone(),
             start,

@@ -224,7 +224,7 @@ mod tests {
         ) {
             let length = length.unwrap_or(bytes.len() as u64);
             let framed = [&length.to_le_bytes()[..], &bytes].concat();
-            let _either_way = crate::Setup::read(&framed[..]).is_ok();
+            let _either_way = crate::WorkerSetup::read(&framed[..]).is_ok();
         }
     }
 }

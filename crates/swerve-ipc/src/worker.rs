@@ -19,9 +19,9 @@ use crate::link::{LOOK_AROUND, Names, now};
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::waker::{Listener, Signal, Timeout, Waker};
 
-/// Setup that a worker receives at its start.
+/// WorkerSetup that a worker receives at its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Setup {
+pub struct WorkerSetup {
     pub(crate) address: Address,
     /// Name of the worker process.
     pub process: String,
@@ -37,7 +37,7 @@ pub struct Setup {
     pub(crate) memories: Vec<StreamMemory>,
 }
 
-impl Setup {
+impl WorkerSetup {
     /// Reads the setup from standard input, which has to be left open.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl Setup {
 ///
 /// # Errors
 /// If the run's shared memory is missing or cannot be used.
-pub fn work(setup: &Setup, worker: Worker) -> Result<(), IpcError> {
+pub fn work(setup: &WorkerSetup, worker: Worker) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
     let hub = Hub::join(&setup.address)?;
     let names = Names::of(&setup.process);

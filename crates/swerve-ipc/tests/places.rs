@@ -11,7 +11,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{
     At, Context, Event, Every, Graph, Observer, Operator, Port, RunOptions, Window, every, run_virtual,
 };
-use swerve_ipc::{OnLoss, Setup, Traffic, WorkerPool, WorkerSpec, work};
+use swerve_ipc::{OnLoss, Traffic, WorkerPool, WorkerSetup, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
@@ -204,7 +204,7 @@ fn who_is_waited_for_is_told_once_then_given_up() {
 
 fn main() {
     if std::env::args().nth(1).as_deref() == Some("worker") {
-        let setup = Setup::read(std::io::stdin().lock()).unwrap();
+        let setup = WorkerSetup::read(std::io::stdin().lock()).unwrap();
         let worker = graph(None, &setup.operators).into_worker(&setup.operators).unwrap();
         return work(&setup, worker).unwrap();
     }

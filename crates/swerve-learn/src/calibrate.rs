@@ -12,7 +12,7 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::Plan;
 use swerve_stack::Registry;
 use swerve_stack::config::execution::Runtime;
-use swerve_stack::config::{Config, Fineness, PlannerName};
+use swerve_stack::config::{Fineness, PlannerName};
 use swerve_stack::pipeline::Pipeline;
 
 /// `swerve calibrate`.
@@ -67,7 +67,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
         for fineness in [Fineness::Fast, Fineness::Slow] {
             let mut host = HostTimes { planner: planning.clone(), ms: Vec::new() };
             for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
-                let mut cell: Config = base.clone();
+                let mut cell = base.clone();
                 cell.planning.planner = planner.clone();
                 cell.planning.discretisation = fineness;
                 cell.ego.speed_mps = Some(*speed);

@@ -33,7 +33,7 @@ use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
 use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::camera::{CameraConfig, Output, RenderBackend};
 use swerve_stack::config::sensors::LidarConfig;
 use swerve_text::{FILE_MAX, read_bytes, read_string};
@@ -151,7 +151,7 @@ pub(crate) fn make(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<St
 }
 
 /// Digest of all inputs that determine the bytes of a data set.
-fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::Result<String> {
+fn call(args: &DatasetArgs, config: &Setup, scenarios: &[Scenario]) -> anyhow::Result<String> {
     let mut hasher = Hasher::new();
     hasher.value(&(
         Program::digest()?,
@@ -169,11 +169,11 @@ fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::
     Ok(hasher.digest().to_string())
 }
 
-fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
+fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Setup> {
     load_config(registry, &args.config, &args.set, args.code)
 }
 
-fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
+fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Setup> {
     let mut config = configured(args, registry)?;
     if args.config.is_empty() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;
@@ -201,7 +201,7 @@ fn kitti_camera() -> CameraConfig {
 type Mounted = (String, Transform<Ego, Lidar>);
 
 /// Name of the camera, and the lidar if there is one.
-fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
+fn sensors(config: &Setup) -> anyhow::Result<(String, Option<Mounted>)> {
     let mut cameras = config.camera.iter();
     let (Some((name, camera)), None) = (cameras.next(), cameras.next()) else {
         bail!("a data set is of one camera, the configuration has {}", config.camera.len());
@@ -246,7 +246,7 @@ pub(crate) const INDEX: &str = "index.csv";
 impl Writer {
     fn new(
         out: &Path,
-        config: &Config,
+        config: &Setup,
         camera: &str,
         ego_from_lidar: Option<Transform<Ego, Lidar>>,
         state: State,

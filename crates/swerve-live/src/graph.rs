@@ -13,7 +13,7 @@ use anyhow::Context as _;
 use swerve_flow::{Payload, SendError, SourceHandle};
 use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport, WireAlarm};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use super::feed::TopicState;
@@ -70,7 +70,7 @@ impl LiveGraph {
     ///
     /// # Errors
     /// If the configuration requests something unavailable.
-    pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+    pub fn build(config: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
         anyhow::ensure!(config.live.is_some(), "the configuration has no `[live]`");
         let mut pipeline = Pipeline::build(config, scenario)?;
         // The states of the topics have no reader in the graph; they are for the log.

@@ -20,7 +20,7 @@ use swerve_ros2::convert::{
 use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::msg::geometry_msgs as geo;
 use swerve_ros2::msg::std_msgs::Header;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::perception::image_camera;
 
 use super::feed::TopicState;
@@ -263,12 +263,7 @@ impl Intake {
     /// the host's clock.
     ///
     /// Cameras and lidars are those with a table in the configuration, which contains their mounting poses.
-    pub fn new(
-        mapping: &Mapping,
-        vehicle: Box<dyn VehicleInterface>,
-        config: &Config,
-        epoch_ns: i64,
-    ) -> Self {
+    pub fn new(mapping: &Mapping, vehicle: Box<dyn VehicleInterface>, config: &Setup, epoch_ns: i64) -> Self {
         let live = config.live.clone().unwrap_or_default();
         let params = ClockParams {
             ahead_max: Span::from_secs(live.stamp_ahead_max_ms * 1e-3),

@@ -65,9 +65,10 @@ use swerve_report::progress::LiveLine;
 use swerve_ros2::mapping::{Mapping, Role};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
+use swerve_stack::config::LiveConfig;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
-use swerve_stack::config::{Config, LiveConfig};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignments;
 
@@ -144,7 +145,7 @@ const BRIDGE_END: Duration = Duration::from_secs(3);
 /// Validated parts of a drive.
 pub struct Drive {
     /// The configuration.
-    pub config: Config,
+    pub config: Setup,
     /// Its `[live]` table.
     pub live: LiveConfig,
     /// Mapping of the topics.
@@ -247,7 +248,7 @@ pub struct Driven {
 }
 
 /// Roles of the topics that provide the ego's position, or from which localization estimates it.
-fn located_by(config: &Config) -> &'static [Role] {
+fn located_by(config: &Setup) -> &'static [Role] {
     match (config.localization.estimates(), config.localization.reads_lidar(&config.registry)) {
         (false, _) => &[Role::Odometry],
         (true, false) => &[Role::Imu, Role::Gnss],

@@ -18,8 +18,9 @@ use swerve_ros2::convert::Epoch;
 use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::transport::Orphan;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
+use swerve_stack::config::LiveConfig;
 use swerve_stack::config::live::EnableBy;
-use swerve_stack::config::{Config, LiveConfig};
 use swerve_text::Document;
 
 use crate::legacy::Legacy;
@@ -54,7 +55,7 @@ fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<()> {
     let text = String::from_utf8(orphan.setup.clone()).context("the configuration")?;
     let document = Document::parse("configuration of the drive", text)?;
     let config =
-        Config::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
+        Setup::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
     let live = config.live.clone().context("the configuration has no `[live]`")?;
     let mapping = config.ros2_mapping()?;
     let wire = OrphanWire { bridge: orphan.bridge, sends: sends(&mapping, orphan.bridge.endpoints()) };

@@ -30,7 +30,7 @@ use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, EndpointId, Options, ServiceSide};
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
 use swerve_ros2::transport::Transport;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use drive::{DriverInputs, Listener, ListenerReport};
@@ -104,7 +104,7 @@ impl Ros2Car {
     /// # Errors
     /// If the transport does not start.
     /// When the transport does not start.
-    pub fn start(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+    pub fn start(config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         let mapping = config.ros2_mapping()?;
         let mounts = Mounts::new(config, &pipeline.assembly, &mapping);
         for sensor in mounts.without_topic() {
@@ -180,7 +180,7 @@ impl Ros2Car {
 /// Options of the bridge: the vehicle's side of the mapping, and the visualisation of our stack. If another stack
 /// drives, only the markers of the objects on the road.
 fn options(
-    config: &Config,
+    config: &Setup,
     streams: &Streams,
     mapping: &Mapping,
     mounts: &Mounts,

@@ -10,7 +10,7 @@ use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, Endpoint, EndpointId, Options, ServiceSide, TopicStatistics};
 use swerve_ros2::mapping::{Mapping, Role, Side};
 use swerve_ros2::transport::{Transport, TransportProcess};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::live::{EnableBy, LiveConfig};
 
 use crate::legacy::Legacy;
@@ -134,7 +134,7 @@ impl BridgeWire {
     ///
     /// # Errors
     /// If the transport does not start.
-    pub fn start(config: &Config, mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
+    pub fn start(config: &Setup, mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
         let options = options(mapping, live);
         let bridge = transport(mapping, &options, config.to_text().into_bytes())?;
         Ok(Self { sends: sends(mapping, &options.endpoints), bridge })

@@ -15,7 +15,7 @@ use swerve_localization::ndt::Vector3;
 use swerve_localization::voxels::VoxelSums;
 use swerve_report::files::{read_whole, write_whole};
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::sensors::LidarConfig;
 
 use logged::{Logged, is_log};
@@ -153,7 +153,7 @@ fn check(args: &CheckArgs, registry: &Registry) -> anyhow::Result<String> {
     if args.json { Ok(serde_json::to_string_pretty(&report)? + "\n") } else { Ok(report.to_string()) }
 }
 
-fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
+fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Setup> {
     let mut config = load_config(registry, &driven.config, &driven.set, driven.code)?;
     if driven.config.is_empty() && config.lidar.is_empty() {
         config.lidar.insert("roof".into(), LidarConfig::default());
@@ -167,7 +167,7 @@ fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
 }
 
 fn drive(
-    config: &Config,
+    config: &Setup,
     scenario: &std::path::Path,
     each: &mut (dyn FnMut(&Turn) + Send),
 ) -> anyhow::Result<()> {

@@ -199,6 +199,7 @@ fn page(keys: &[&Key]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use swerve_stack::Setup;
     use swerve_text::parse_assignment;
 
     use super::*;
@@ -240,7 +241,7 @@ mod tests {
             let is_whole = |text: &&String| !text.starts_with('a') && **text != "\"\"";
             let Some(default) = key.default.as_ref().filter(is_whole) else { continue };
             let set = parse_assignment(&format!("{}={default}", key.key)).unwrap();
-            let problems = Config::load(None, &[set]).err().unwrap_or_default();
+            let problems = Setup::load(None, &[set]).err().unwrap_or_default();
             let of_key = problems.iter().find(|problem| problem.key == key.key);
             assert_eq!(of_key, None, "{} = {default}", key.key);
         }

@@ -4,6 +4,7 @@ use anyhow::bail;
 use swerve_flow::{OutputInfo, PayloadType, PortInfo, PortMode};
 use swerve_msg::Detections;
 use swerve_report::output::print;
+use swerve_stack::Setup;
 use swerve_stack::assembly::COMMON_KEYS;
 use swerve_stack::config::Config;
 use swerve_stack::{OperatorKind, Registry, Settings};
@@ -71,7 +72,7 @@ fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {
 }
 
 /// Settings under which kinds have other ports, with labels.
-fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Config)> {
+fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Setup)> {
     const TEXTS: [(&str, &str); 7] = [
         ("", ""),
         ("behind a detector", "perception.detector = \"custom\""),
@@ -81,25 +82,22 @@ fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Config)> {
         ("of a lidar", "[lidar.any]\n[monitor.sensor_monitor]\nsensor = \"any\""),
         ("in `swerve live`", "[live]"),
     ];
-    let read = |text: &str| Config {
-        registry: registry.clone(),
-        ..toml::from_str(text).expect("a test reads each of them")
-    };
+    let read = |text: &str| Setup::new(toml::from_str(text).expect("a test reads each of them"), registry);
     TEXTS.iter().map(|(name, text)| (*name, read(text))).collect()
 }
 
 /// Ports of a kind: unconditional ones first, then the others with the settings under which they exist.
 fn rows(
     kind: &str,
-    under: &[(&'static str, Config)],
+    under: &[(&'static str, Setup)],
     ports: &dyn Fn(&Settings<'_>) -> Vec<Vec<String>>,
 ) -> Vec<Vec<String>> {
     let boxes = [PayloadType::of::<Detections>()];
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut seen: Vec<Vec<String>> = Vec::new();
-    for (name, config) in under {
-        let offered = if config.perception.emulates() { &boxes[..] } else { &[] };
-        for mut row in ports(&Settings { name: kind, config, offered }) {
+    for (name, setup) in under {
+        let offered = if setup.perception.emulates() { &boxes[..] } else { &[] };
+        for mut row in ports(&Settings { name: kind, setup, offered }) {
             if seen.contains(&row) {
                 continue;
             }

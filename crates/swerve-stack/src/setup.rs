@@ -35,6 +35,13 @@ impl Setup {
     }
 }
 
+/// Setup with Swerve's own kinds.
+impl From<Config> for Setup {
+    fn from(config: Config) -> Self {
+        Self { config, ..Self::default() }
+    }
+}
+
 impl Deref for Setup {
     type Target = Config;
 

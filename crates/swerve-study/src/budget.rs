@@ -2,7 +2,7 @@
 
 use swerve_drive::drive;
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use super::cells::CellResult;
 use super::grid::{Budget, Cell};
@@ -10,7 +10,7 @@ use super::grid::{Budget, Cell};
 /// Finds the latency budget of one cell; `None` for a run that fails without added latency.
 pub(super) fn largest_latency(
     cell: &Cell,
-    config: &Config,
+    config: &Setup,
     scenario: &Scenario,
     budget: &Budget,
 ) -> anyhow::Result<CellResult> {

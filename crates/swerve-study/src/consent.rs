@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::{self, CodeArgs};
 use swerve_scenario::split_sets;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::programs::Layer;
 use swerve_text::Document;
 
@@ -60,7 +60,7 @@ impl StudyConsent {
     }
 
     /// Allows a cell's configuration to start the programs named in the user's own files and on the command line.
-    fn apply(&self, config: &mut Config, (study, sets): (&Study, &Sets), layers: Vec<Layer>) {
+    fn apply(&self, config: &mut Setup, (study, sets): (&Study, &Sets), layers: Vec<Layer>) {
         let of_study: Sets = sets.iter().filter(|set| !self.given.contains(set)).cloned().collect();
         let mut layers = layers;
         layers.push(Layer::of_sets(&study.file, &of_study, study.doubt.clone()));
@@ -78,7 +78,7 @@ impl Bench {
         self
     }
 
-    pub(crate) fn trust(&self, config: &mut Config, cell: &Cell) {
+    pub(crate) fn trust(&self, config: &mut Setup, cell: &Cell) {
         if config.programs().next().is_some() {
             let layers = self.bases.layers.get(&cell.config).cloned().unwrap_or_default();
             self.consent.apply(config, (&self.study, &cell.sets), layers);
@@ -93,7 +93,7 @@ impl Bench {
         let all = std::iter::once(&none).chain(steps).map(|sets| [&self.study.base[..], sets].concat());
         let of = |sets: Sets, files: &Vec<PathBuf>, base: &Document| {
             let (_, sets) = split_sets(&sets);
-            let Ok(mut config) = Config::from_document_with(&self.registry, base, &sets) else {
+            let Ok(mut config) = Setup::from_document_with(&self.registry, base, &sets) else {
                 return Vec::new();
             };
             let layers = self.bases.layers.get(files).cloned().unwrap_or_default();

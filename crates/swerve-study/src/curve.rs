@@ -11,7 +11,7 @@ use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use super::cells::CellResult;
 use super::grid::Study;
@@ -53,7 +53,7 @@ impl Observer for Readings {
 
 impl Curve {
     /// Drives the scenario. Returns the outcome and the curve.
-    pub(super) fn drive(self, config: &Config, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
+    pub(super) fn drive(self, config: &Setup, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
         let mut readings = Readings::default();
         let outcome = drive_observed(config, scenario, 1, &mut [&mut readings])?;
         let jerk = readings.lateral_mps2.windows(2).map(|pair| (pair[1] - pair[0]) / EVERY.as_secs());

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use swerve_report::progress::Progress;
 use swerve_scenario::{Scenario, is_scenario_key, split_sets};
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_text::{Document, Problem, Problems, is_within};
 
 use super::grid::{Step, Study};
@@ -40,7 +40,7 @@ pub(super) fn problems(
     registry: &Registry,
 ) -> Problems {
     // Problems of the files themselves are reported with their lines; the rest are problems of the cells' values.
-    let own = bases.values().find_map(|base| Config::from_document_with(registry, base, &[]).err());
+    let own = bases.values().find_map(|base| Setup::from_document_with(registry, base, &[]).err());
     if let Some(problems) = own {
         return problems;
     }
@@ -50,7 +50,7 @@ pub(super) fn problems(
     let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
     for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
         good[axis].retain(|&step| {
-            found.look(&[(axis, step)], |document, sets| Config::formed(registry, document, sets))
+            found.look(&[(axis, step)], |document, sets| Setup::formed(registry, document, sets))
         });
     }
     let size = |class: &[usize]| class.iter().map(|&axis| good[axis].len()).product::<usize>();
@@ -58,7 +58,7 @@ pub(super) fn problems(
     for class in &classes {
         for place in 0..size(class) {
             found.look(&chosen(&good, class, place), |document, sets| {
-                Config::with_sets(registry, document, sets)
+                Setup::with_sets(registry, document, sets)
             });
             progress.one_done();
         }
@@ -90,7 +90,7 @@ impl Found<'_> {
     fn look(
         &mut self,
         chosen: &[(usize, usize)],
-        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Problems>,
+        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Setup, Problems>,
     ) -> bool {
         let mut sets = self.study.base.clone();
         sets.extend(
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
         for cell in &expanded.cells {
-            let problems = Config::with_sets(&Registry::standard(), &bases[&cell.config], &cell.sets)
+            let problems = Setup::with_sets(&Registry::standard(), &bases[&cell.config], &cell.sets)
                 .err()
                 .unwrap_or_default();
             by_cell.extend(problems.into_iter().map(|p| located(&study, p)));

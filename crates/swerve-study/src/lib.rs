@@ -47,7 +47,7 @@ use swerve_report::output::quoted;
 use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Problem, Problems};
 
@@ -249,10 +249,10 @@ impl Bench {
         joint::changed(file, &self.scenarios[file], &sets).map_err(|problems| in_cell(cell, &problems))
     }
 
-    fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
+    fn config(&self, cell: &Cell) -> anyhow::Result<Setup> {
         let (_, sets) = split_sets(&cell.sets);
         let base = &self.bases.documents[&cell.config];
-        let mut config = Config::from_document_with(&self.registry, base, &sets)
+        let mut config = Setup::from_document_with(&self.registry, base, &sets)
             .map_err(|problems| in_cell(cell, &problems))?;
         self.trust(&mut config, cell);
         Ok(config)
@@ -322,7 +322,7 @@ impl Bench {
     fn drive_for_page(
         &self,
         cell: &Cell,
-        (config, scenario): (&Config, &Scenario),
+        (config, scenario): (&Setup, &Scenario),
         file: &Path,
     ) -> anyhow::Result<Outcome> {
         let mut page = RunReport::new(config, &Pipeline::build(config, scenario)?, self.study.command(cell));

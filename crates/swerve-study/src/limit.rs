@@ -15,6 +15,7 @@ use swerve_planning::path::points::with_curvature;
 use swerve_scenario::{Scenario, Trigger};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
 use swerve_sim::{SimParams, Simulator};
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::{controller, drawn};
 
@@ -43,7 +44,7 @@ struct Manoeuvre {
 /// Scans reaction times in steps, then bisects the edge between the last one that succeeds and the first that does not.
 pub(super) fn largest_reaction(
     cell: &Cell,
-    config: &Config,
+    config: &Setup,
     scenario: &Scenario,
     budget: &Budget,
 ) -> anyhow::Result<CellResult> {

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::camera_detectors::CameraObjectsTable;
 use swerve_stack::span_of_ms;
 use swerve_text::{Document, Problems, number};
@@ -172,7 +172,7 @@ impl Timely {
         if self.run_times_ms.is_empty() { &self.of_published } else { &self.run_times_ms }
     }
 
-    fn times(&self, config: &Config) -> anyhow::Result<Vec<Span>> {
+    fn times(&self, config: &Setup) -> anyhow::Result<Vec<Span>> {
         let unit_ms = match self.of_published.is_empty() {
             true => 1.0,
             false => match CameraObjectsTable::first(config) {
@@ -193,12 +193,7 @@ impl Timely {
     ///
     /// # Errors
     /// If the configuration lacks a measured component, or the camera's images cannot be rendered.
-    pub(super) fn run(
-        &self,
-        cell: &Cell,
-        config: &Config,
-        scenario: &Scenario,
-    ) -> anyhow::Result<CellResult> {
+    pub(super) fn run(&self, cell: &Cell, config: &Setup, scenario: &Scenario) -> anyhow::Result<CellResult> {
         let times = self.times(config)?;
         let mut ride = Ride::new(self, config, scenario)?;
         let mut eyes = Eyes::new(self, config, &ride)?;
@@ -290,7 +285,7 @@ fn back_to_back(frames: &[Time], after: Span) -> Vec<usize> {
 }
 
 /// Speed imposed on the ego, m/s.
-fn speed_mps(config: &Config, scenario: &Scenario) -> anyhow::Result<f64> {
+fn speed_mps(config: &Setup, scenario: &Scenario) -> anyhow::Result<f64> {
     let speed_mps = config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps);
     ensure!(speed_mps > 0.0, "ego.speed_mps: expected a speed above 0, found {}", number(speed_mps));
     Ok(speed_mps)

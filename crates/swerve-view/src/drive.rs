@@ -14,6 +14,7 @@ use swerve_msg::{EgoState, Encoding, Image, PointCloud};
 use swerve_report::page::{Page, RunPage, photo};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::agent::{Agent, Seat};
 use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
@@ -150,7 +151,7 @@ impl Begins {
         Ok(input)
     }
 
-    fn load(&self, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+    fn load(&self, input: &RunInput) -> anyhow::Result<(Setup, Scenario)> {
         let (config, scenario) = load(&self.registry, input)?;
         anyhow::ensure!(
             config.clock.source == Clock::Virtual,

@@ -21,7 +21,7 @@ use swerve_drive::{Outcome, RunInput};
 use swerve_report::output::{print, tell};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use crate::drive::{Begins, Driver};
 use crate::foxglove::Streams;
@@ -70,7 +70,7 @@ fn speed(text: &str) -> Result<Speed, String> {
 }
 
 /// Function that returns the content of `metrics.json` for a run.
-pub type Summarise<'a> = &'a dyn Fn(&Config, &Scenario, &Outcome) -> anyhow::Result<String>;
+pub type Summarise<'a> = &'a dyn Fn(&Setup, &Scenario, &Outcome) -> anyhow::Result<String>;
 
 /// Runs `swerve view` until it is interrupted.
 ///

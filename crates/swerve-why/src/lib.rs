@@ -31,6 +31,7 @@ use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
 use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::did_you_mean;
@@ -47,7 +48,7 @@ const BRAKES_MPS2: f64 = 0.5;
 /// A log with its configuration and scenario.
 pub struct Logged {
     log: Log,
-    config: Config,
+    config: Setup,
     scenario: Scenario,
 }
 
@@ -152,7 +153,7 @@ impl Logged {
             bail!("the drive is long: `swerve why` of its log needs {} MiB", bytes.get() >> 20);
         }
         let document = Config::logged(&log.start.config)?;
-        let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
+        let config = Setup::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
         if config.live.is_some() {
             bail!("{}: of a vehicle: the log does not hold where the others were", path.display());
         }

@@ -9,6 +9,7 @@ use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
 use swerve_report::output::{quoted, tell};
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
 use swerve_study::Bench;
@@ -142,7 +143,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         report(swerve_timing::read_file(path).err().unwrap_or_default())
     } else {
-        let config = Config::from_document_with(registry, &document, &[]);
+        let config = Setup::from_document_with(registry, &document, &[]);
         let mut all: Vec<String> = report(match config {
             Ok(mut config) => {
                 let doubt = Kind::Config.doubt(path, &document.text);
@@ -165,7 +166,7 @@ fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>) {
 }
 
 /// Reports the keys that request a missing graphics adapter.
-fn no_adapter(document: &Document, config: &Config) -> Problems {
+fn no_adapter(document: &Document, config: &Setup) -> Problems {
     let rendering = config.render.backend.in_virtual_time().adapter();
     let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();
     let on_gpu = config.lidar.iter().filter(|(_, lidar)| lidar.engine == LidarEngine::Gpu);

@@ -21,6 +21,7 @@ use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 use swerve_stack::config::programs::Layer;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -219,7 +220,7 @@ struct Replay<'a> {
 impl Replay<'_> {
     fn run(&self, registry: &Registry, log: &Log) -> anyhow::Result<Comparison> {
         let document = Config::logged(&log.start.config)?;
-        let mut config = Config::from_document_with(registry, &document, self.sets)
+        let mut config = Setup::from_document_with(registry, &document, self.sets)
             .map_err(|problems| problems_error(&problems))?;
         let mut of_log = document;
         of_log.file.clone_from(&self.file);
@@ -281,7 +282,7 @@ impl Replay<'_> {
 fn recorder(
     (path, command): &(&Path, String),
     log: &Log,
-    config: &Config,
+    config: &Setup,
     pipeline: &Pipeline,
 ) -> anyhow::Result<Recorder> {
     let file = log.start.extra.get("scenario_file").map_or("", String::as_str);

@@ -24,7 +24,7 @@ use swerve_report::output::print;
 use swerve_report::progress::Progress;
 use swerve_report::story::{Story, draw};
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 use swerve_why::of_run;
@@ -206,7 +206,7 @@ fn acting(pipeline: &Pipeline) -> Vec<&str> {
 }
 
 /// Frame writer, if pictures or a video are requested.
-fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
+fn frames(args: &RunArgs, config: &Setup, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
     let to = Sinks { folder: args.frames.as_deref(), video: args.video.as_deref() };
     if to.is_none() {
         return Ok(None);

@@ -10,7 +10,7 @@ use swerve_live::ros2::Ros2Report;
 use swerve_msg::Refusals;
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 /// Punctuality of an operator's timers under wall clock.
 #[derive(Serialize, Clone, Debug)]
@@ -70,7 +70,7 @@ pub struct Summary {
 
 impl Summary {
     /// Summarizes a run and the reason for its end.
-    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome, why: Option<Why>) -> Self {
+    pub fn of(config: &Setup, scenario: &Scenario, outcome: &Outcome, why: Option<Why>) -> Self {
         let pipeline = config.pipeline_name();
         let expected = scenario.expectation(&pipeline);
         let broken = expected.map(|e| outcome.broken(e));

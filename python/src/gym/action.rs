@@ -49,7 +49,7 @@ impl Level {
     }
 
     /// Minimum, maximum and name of each number of an action.
-    pub(crate) fn numbers(self, config: &Config) -> Vec<(f64, f64, String)> {
+    pub(crate) fn numbers(self, config: &Setup) -> Vec<(f64, f64, String)> {
         let steering = config.sim.vehicle.limits.steering_max_rad;
         let named = |low, high, name: &str| (low, high, name.to_owned());
         match self {

@@ -37,7 +37,7 @@ const REACH_M: f64 = 30.0;
 
 /// Common inputs of all drives.
 pub(crate) struct Task {
-    config: Config,
+    config: Setup,
     scenario: Scenario,
     level: Level,
     observed: Vec<Observed>,
@@ -57,7 +57,7 @@ struct Observed {
 
 impl Task {
     pub(crate) fn new(
-        config: Config,
+        config: Setup,
         scenario: Scenario,
         level: Level,
         observe: &[String],
@@ -110,7 +110,7 @@ impl Task {
 }
 
 /// Observation of a stream of this name.
-fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> anyhow::Result<Observed> {
+fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Setup) -> anyhow::Result<Observed> {
     if name == "route" {
         return Ok(Observed { name: name.into(), stream: "pose".into(), form: Form::Route, shape: None });
     }
@@ -130,7 +130,7 @@ fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> 
 }
 
 /// Shape of a camera's images, and their data type in NumPy's notation.
-fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'static str)> {
+fn image_shape(stream: &str, config: &Setup) -> anyhow::Result<(Vec<usize>, &'static str)> {
     let (camera, output) =
         stream.rsplit_once('.').with_context(|| format!("`{stream}` is not a camera's"))?;
     let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is not a camera's"))?;

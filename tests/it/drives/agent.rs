@@ -5,13 +5,13 @@ use swerve_drive::read_scenario;
 use swerve_flow::{Reached, RunOptions, Session};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState};
+use swerve_stack::Setup;
 use swerve_stack::agent::{Agent, Seat, Target};
-use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
-fn lane() -> (Config, swerve_scenario::Scenario) {
+fn lane() -> (Setup, swerve_scenario::Scenario) {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/lane.toml");
-    (Config::default(), read_scenario(file.as_ref()).unwrap())
+    (Setup::default(), read_scenario(file.as_ref()).unwrap())
 }
 
 /// Drives until an instant; returns the true states and the number of requests to the agent.

@@ -8,7 +8,7 @@ use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::{ActorKind, Detections, PredictionList, ResponseBudget, RungTaken};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
 
@@ -18,9 +18,9 @@ fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
 }
 
-fn config(sets: &[&str]) -> Config {
+fn config(sets: &[&str]) -> Setup {
     let sets = common::sets(sets);
-    Config::from_document(&Document::read(&file("configs/deadlines.toml")).unwrap(), &sets).unwrap()
+    Setup::from_document(&Document::read(&file("configs/deadlines.toml")).unwrap(), &sets).unwrap()
 }
 
 /// Effects of deadlines.
@@ -196,7 +196,7 @@ fn planner_without_a_ladder_stops_early_with_the_best_plan_so_far() {
         let more = parse_assignment("execution.planner_ms=60").unwrap();
         let more = (model.ends_with("static_deadlines")).then_some(more);
         let sets: Vec<_> = sets.into_iter().chain(more).collect();
-        let config = Config::from_document(&Document::parse("c", text).unwrap(), &sets).unwrap();
+        let config = Setup::from_document(&Document::parse("c", text).unwrap(), &sets).unwrap();
         let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
         let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
         pipeline.until = Time::from_ms(4000);

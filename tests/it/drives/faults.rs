@@ -7,7 +7,7 @@ use swerve_core::Time;
 use swerve_drive::{Outcome, drive_pipeline, read_scenario};
 use swerve_flow::{Event, Observer};
 use swerve_msg::{EgoState, FaultInjection, Image, Pixels};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
@@ -41,7 +41,7 @@ impl Observer for Recorded {
 fn drive(text: &str) -> (Recorded, Outcome) {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml");
     let document = Document::parse("test", text).unwrap();
-    let config = Config::from_document(&document, &[]).unwrap();
+    let config = Setup::from_document(&document, &[]).unwrap();
     let mut pipeline = Pipeline::build(&config, &read_scenario(Path::new(file)).unwrap()).unwrap();
     pipeline.until = Time::from_ms(600);
     let mut seen = Recorded::default();

@@ -10,7 +10,7 @@ use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, GateMode, GateOutput, Refusals, StopCause};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
 
@@ -58,9 +58,9 @@ impl Recorded {
     }
 }
 
-fn config(sets: &[&str]) -> Config {
+fn config(sets: &[&str]) -> Setup {
     let sets = common::sets(sets);
-    Config::from_document(&Document::parse("test", BASE).unwrap(), &sets).unwrap()
+    Setup::from_document(&Document::parse("test", BASE).unwrap(), &sets).unwrap()
 }
 
 fn drive(sets: &[&str]) -> (Recorded, Outcome) {
@@ -69,7 +69,7 @@ fn drive(sets: &[&str]) -> (Recorded, Outcome) {
     (seen, outcome)
 }
 
-fn drive_observed(config: &Config, observers: &mut [&mut dyn Observer]) -> Outcome {
+fn drive_observed(config: &Setup, observers: &mut [&mut dyn Observer]) -> Outcome {
     let mut pipeline = Pipeline::build(config, &read_scenario(Path::new(SCENARIO)).unwrap()).unwrap();
     pipeline.until = pipeline.until.min(Time::from_ms(31_000));
     drive_pipeline(pipeline, config.seed, 1, observers).unwrap()

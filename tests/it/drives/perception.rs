@@ -8,7 +8,7 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Detections, TrackList};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
@@ -43,7 +43,7 @@ fn drive(detector: &str, sets: &[&str]) -> (Recorded, swerve_core::Digest) {
     let scenario = Scenario::parse("near", &text).unwrap();
     let sets = common::sets(sets);
     let text = format!("[perception]\ndetector = \"{detector}\"\n");
-    let config = Config::from_document(&Document::parse("test", text).unwrap(), &sets).unwrap();
+    let config = Setup::from_document(&Document::parse("test", text).unwrap(), &sets).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::from_ms(1000);
     let mut seen = Recorded::default();
@@ -113,7 +113,7 @@ fn fused_object_persists_when_a_sensor_is_blind() {
     for (blind, off_max_m) in [(None, 0.7), (Some("detector"), 0.7), (Some("lidar_objects"), 4.0)] {
         let fault = blind.map(|stream| format!("fault.blind={{ stream = \"{stream}\", drop = true }}"));
         let sets = common::sets(&fault.iter().map(String::as_str).collect::<Vec<_>>());
-        let config = Config::from_document(&Document::read(config).unwrap(), &sets).unwrap();
+        let config = Setup::from_document(&Document::read(config).unwrap(), &sets).unwrap();
         let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
         pipeline.until = Time::from_ms(1000);
         let mut seen = Recorded::default();
@@ -189,7 +189,7 @@ fn stopped_person_is_not_predicted_to_walk_on() {
             "seed = {seed}\n[perception]\ndetector = \"efficientdet-d3@v100\"\n[planning]\ncollision = \"time_indexed\"\n\
              [operator.detector]\nruntime = {{ fixed_ms = 120 }}\npolicy = \"pipelined(8)\"\n"
         );
-        let config = Config::from_document(&Document::parse("test", text).unwrap(), &[]).unwrap();
+        let config = Setup::from_document(&Document::parse("test", text).unwrap(), &[]).unwrap();
         let pipeline = Pipeline::build(&config, &scenario).unwrap();
         let mut seen = Recorded::default();
         let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();

@@ -8,13 +8,13 @@ use swerve_flow::Event;
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, PredictionList};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use crate::common;
 
 /// Largest and mean distance between predicted and true positions of moving actors, up to 2 s ahead, and the number of
 /// positions.
-fn off_m(config: &Config, file: &str) -> (f64, f64, usize) {
+fn off_m(config: &Setup, file: &str) -> (f64, f64, usize) {
     let scenario =
         read_scenario(format!("{}/../scenarios/{file}", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
     let mut worlds: BTreeMap<Time, BTreeMap<ActorId, Actor>> = BTreeMap::new();
@@ -49,7 +49,7 @@ fn off_m(config: &Config, file: &str) -> (f64, f64, usize) {
 #[test]
 fn truth_predictor_is_exact_except_for_its_noise() {
     let document = swerve_text::Document::parse("c.toml", "[prediction]\npredictor = \"truth\"\n").unwrap();
-    let mut config = Config::from_document(&document, &[]).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let mut config = Setup::from_document(&document, &[]).unwrap_or_else(|problems| panic!("{problems:#?}"));
     let (most_m, _, count) = off_m(&config, "people_crossing.toml");
     assert!(most_m < 1e-6 && count > 500, "{most_m} m of {count}");
     config.prediction.truth_noise_mps = 0.5;
@@ -66,7 +66,7 @@ fn truth_predictor_is_refused_for_a_vehicle() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/live/autoware.toml");
     let document = swerve_text::Document::read(file.as_ref()).unwrap();
     let truth = [("prediction.predictor".to_owned(), "truth".into())];
-    let problems = Config::from_document(&document, &truth).err().unwrap_or_default();
+    let problems = Setup::from_document(&document, &truth).err().unwrap_or_default();
     let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
     assert!(told.iter().any(|told| told.contains("operator.predictor.reads.worlds")), "{told:?}");
 }

@@ -10,7 +10,7 @@ use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
 use swerve_msg::{ActorId, Lanes, PointCloud};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
 
@@ -44,18 +44,18 @@ exposure_ms = 20
 transfer_ms = 45
 "#;
 
-fn config(text: &str, sets: &[&str]) -> Config {
+fn config(text: &str, sets: &[&str]) -> Setup {
     let sets = common::sets(sets);
     let document = Document::parse("test", text).unwrap();
-    Config::from_document(&document, &sets).unwrap()
+    Setup::from_document(&document, &sets).unwrap()
 }
 
 /// Drives the first 0.3 s.
-fn drive(config: &Config, observers: &mut [&mut dyn Observer]) -> Outcome {
+fn drive(config: &Setup, observers: &mut [&mut dyn Observer]) -> Outcome {
     drive_in(&read_scenario(&common::scenario_file(SCENARIO)).unwrap(), config, observers)
 }
 
-fn drive_in(scenario: &Scenario, config: &Config, observers: &mut [&mut dyn Observer]) -> Outcome {
+fn drive_in(scenario: &Scenario, config: &Setup, observers: &mut [&mut dyn Observer]) -> Outcome {
     let mut pipeline = Pipeline::build(config, scenario).unwrap();
     pipeline.until = Time::from_ms(300);
     drive_pipeline(pipeline, config.seed, 2, observers).unwrap()
@@ -73,7 +73,7 @@ struct Recorded {
 
 impl Recorded {
     /// Starts with the truck near by.
-    fn of(config: &Config) -> Self {
+    fn of(config: &Setup) -> Self {
         let text = std::fs::read_to_string(common::scenario_file(SCENARIO)).unwrap();
         let scenario = Scenario::parse("near", &text.replace("s_m = 110.0", "s_m = 25.0")).unwrap();
         let mut seen = Self::default();
@@ -106,12 +106,12 @@ impl Observer for Recorded {
 #[test]
 fn unused_sensor_is_not_in_the_graph() {
     let scenario = read_scenario(&common::scenario_file(SCENARIO)).unwrap();
-    let operators = |config: &Config| -> Vec<String> {
+    let operators = |config: &Setup| -> Vec<String> {
         let graph = Pipeline::build(config, &scenario).unwrap().graph;
         graph.describe().unwrap().operators.iter().map(|operator| operator.name.to_string()).collect()
     };
     let none = operators(&config(SENSORS, &["log.sensors=[]"]));
-    assert_eq!(none, operators(&Config::default()));
+    assert_eq!(none, operators(&Setup::default()));
     let one = operators(&config(SENSORS, &["log.sensors=[\"roof\"]"]));
     assert_eq!(one.len(), none.len() + 1);
     let all = operators(&config(SENSORS, &[]));
@@ -226,7 +226,7 @@ fn threads_do_not_affect_the_data() {
     ];
     for sets in [&[][..], &at_once] {
         let config = config(SENSORS, sets);
-        let drive = |threads: usize, config: &Config| {
+        let drive = |threads: usize, config: &Setup| {
             let mut pipeline = Pipeline::build(config, &scenario).unwrap();
             pipeline.until = Time::from_ms(400);
             let mut seen = Recorded::default();
@@ -246,7 +246,7 @@ fn threads_do_not_affect_the_data() {
 fn sensors_are_recomputed_from_a_log_without_their_data() {
     let folder = tempfile::tempdir().unwrap();
     let config = config(SENSORS, &["operator.planner.runtime={ fixed_ms = 60 }"]);
-    let record = |file: &str, config: &Config| {
+    let record = |file: &str, config: &Setup| {
         let path = folder.path().join(file);
         let scenario = common::scenario_file(SCENARIO);
         let start = run_start(config, &read_scenario(&scenario).unwrap(), &scenario);
@@ -281,7 +281,7 @@ fn sensors_are_recomputed_from_a_log_without_their_data() {
 
 #[test]
 fn world_of_a_run_is_independent_of_its_sensors() {
-    let poses = |config: &Config| {
+    let poses = |config: &Setup| {
         struct Poses(Vec<WorldState>);
         impl Observer for Poses {
             fn event(&mut self, event: &Event<'_>) {
@@ -297,7 +297,7 @@ fn world_of_a_run_is_independent_of_its_sensors() {
         drive(config, &mut [&mut poses]);
         poses.0
     };
-    assert_eq!(poses(&config(SENSORS, &[])), poses(&Config::default()));
+    assert_eq!(poses(&config(SENSORS, &[])), poses(&Setup::default()));
 }
 
 /// Lane lines found by an operator, and the ego's offset at that time, metres to the left of the lane centre.

@@ -3,7 +3,7 @@
 use swerve_drive::drive;
 use swerve_eval::Verdict;
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use crate::common::config;
 
@@ -41,12 +41,12 @@ timeout_s = 5.0
 }
 
 /// Reason why a drive of five seconds did not set off.
-fn stays(config: &Config, start: [f64; 3]) -> Option<String> {
+fn stays(config: &Setup, start: [f64; 3]) -> Option<String> {
     let outcome = drive(config, &road(start)).unwrap();
     let way_m = outcome.metrics.drive.path_length_m;
     let sets_off = way_m > LEAST_M && outcome.metrics.left_road_at_s.is_none();
     (!sets_off).then(|| {
-        let Config { planning, control, .. } = config;
+        let (planning, control) = (&config.planning, &config.control);
         format!("{:?} {:?} from {start:?}: {way_m:.2} m", planning.planner, control.controller)
     })
 }

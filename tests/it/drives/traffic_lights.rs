@@ -8,7 +8,7 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::truth::{Verdict, WorldState};
 use swerve_msg::{RedLightEvents, Signal, TrafficLights};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
@@ -50,7 +50,7 @@ fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Re
     }
     let scenario = Scenario::parse("traffic_light", &text).unwrap();
     let document = Document::read(&root("configs/traffic_lights.toml")).unwrap();
-    let config = Config::from_document(&document, &common::sets(sets)).unwrap();
+    let config = Setup::from_document(&document, &common::sets(sets)).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     if let Some(until_ms) = until_ms {
         pipeline.until = Time::from_ms(until_ms);

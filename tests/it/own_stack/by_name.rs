@@ -2,15 +2,15 @@
 
 use swerve_drive::{drive_pipeline, read_scenario};
 use swerve_eval::Metrics;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Problems;
 
 use super::registry;
 use crate::common::{scenario_file, sets};
 
-fn with(assignments: &[&str]) -> Result<Config, Problems> {
-    Config::load_with(&registry(), None, &sets(assignments))
+fn with(assignments: &[&str]) -> Result<Setup, Problems> {
+    Setup::load_with(&registry(), None, &sets(assignments))
 }
 
 /// Metrics of a drive through a scenario.

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use swerve_core::digest_of;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use super::*;
@@ -18,7 +18,7 @@ fn into(folder: &Path) -> Sinks<'_> {
 
 /// Drives the first tenth of a second with pictures; returns the run's digest and the pictures.
 fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>) {
-    let (config, scenario) = (Config::default(), scenario());
+    let (config, scenario) = (Setup::default(), scenario());
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
     let mut frames = Frames::create(into(folder), "a drive".into(), &pipeline.scenario, &config).unwrap();
@@ -37,7 +37,7 @@ fn pictures_are_identical_on_any_number_of_threads_and_do_not_affect_the_run() {
     let (again, two) = pictures(folder.path(), 2);
     assert!(one == two);
     assert_eq!(digest, again);
-    let mut pipeline = Pipeline::build(&Config::default(), &scenario()).unwrap();
+    let mut pipeline = Pipeline::build(&Setup::default(), &scenario()).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
     assert_eq!(drive_pipeline(pipeline, 1, 1, &mut []).unwrap().digest, digest);
 }
@@ -52,7 +52,7 @@ fn pictures_of_an_earlier_run_are_deleted_and_foreign_files_refused() {
         std::fs::copy(place("00000.png"), place(earlier)).unwrap();
     }
     std::fs::write(place(".DS_Store"), "of a file manager").unwrap();
-    let create = || Frames::create(into(folder.path()), String::new(), &scenario(), &Config::default());
+    let create = || Frames::create(into(folder.path()), String::new(), &scenario(), &Setup::default());
     // A run refused for another reason deletes nothing.
     drop(create().unwrap());
     assert!(place("00099.png").exists());
@@ -79,7 +79,7 @@ fn pictures_of_an_earlier_run_are_deleted_and_foreign_files_refused() {
 fn picture_that_cannot_be_written_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let inside = folder.path().join("frames");
-    let (config, scenario) = (Config::default(), scenario());
+    let (config, scenario) = (Setup::default(), scenario());
     let mut frames = Frames::create(into(&inside), String::new(), &scenario, &config).unwrap();
     std::fs::remove_dir(&inside).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
@@ -95,7 +95,7 @@ fn images_read_by_a_detector_are_written_with_its_detections() {
     let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
                 [operator.objects]\nkind = \"camera_objects\"\nrung = \"fastest\"\n";
     let document = swerve_text::Document::parse("c.toml", text).unwrap();
-    let config = Config::from_document(&document, &[]).unwrap();
+    let config = Setup::from_document(&document, &[]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario()).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(220);
@@ -146,7 +146,7 @@ fn images_of_cameras_are_as_published() {
     let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
                 [operator.objects]\nkind = \"camera_objects\"\nrung = \"fastest\"\n";
     let document = swerve_text::Document::parse("c.toml", text).unwrap();
-    let config = Config::from_document(&document, &[]).unwrap();
+    let config = Setup::from_document(&document, &[]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario()).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(320);

@@ -14,6 +14,7 @@ use swerve_report::output::{quoted, tell};
 use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage, photo_of};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::FILE_MAX;
@@ -76,7 +77,7 @@ pub fn page_of_log(registry: &Registry, path: &Path) -> anyhow::Result<Page<RunP
 fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPage>> {
     let LogSoFar { log, path, damage } = so_far;
     let document = Config::logged(&log.start.config)?;
-    let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
+    let config = Setup::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
     let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;
     let mut report = RunReport::of_config(&config, &scenario, String::new());

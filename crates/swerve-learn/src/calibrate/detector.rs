@@ -19,7 +19,7 @@ use swerve_perception::detector::{Params, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use swerve_stack::config::perception::{CUSTOM, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
@@ -199,7 +199,7 @@ pub(crate) struct Frames {
 impl Frames {
     /// Drives the scenarios with perfect perception and collects what a detector with this sensor could see.
     pub(crate) fn gather(
-        base: &Config,
+        base: &Setup,
         sensing: Sensing,
         scenarios: &[Scenario],
         seeds: &[u32],
@@ -232,7 +232,7 @@ struct BySensing {
 
 impl BySensing {
     fn gather(
-        base: &Config,
+        base: &Setup,
         scenarios: &[Scenario],
         seeds: &[u32],
         targets: &[Target],
@@ -393,7 +393,7 @@ fn round(x: f64) -> f64 {
 
 /// Configuration with the emulation in it and all its parameters written out.
 fn frozen(
-    base: &Config,
+    base: &Setup,
     target: &Target,
     fitted: &Fitted,
     scenarios: Vec<String>,

@@ -13,7 +13,7 @@ use swerve_prediction::recorded::{RecordedTrack, Recording, commonroad_text, mad
 use swerve_report::files::{claim, write_whole};
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 use super::state::State;
 use super::{DatasetArgs, call, configured};
@@ -32,7 +32,7 @@ struct Follower {
 }
 
 impl Follower {
-    fn new(config: &Config) -> Self {
+    fn new(config: &Setup) -> Self {
         let shape = &config.sim.vehicle.shape;
         let ego = Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m };
         Self { ego, ahead_m: 0.5 * shape.length_m - shape.rear_overhang_m, tracks: BTreeMap::new() }
@@ -89,7 +89,8 @@ pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<S
     for scenario in &scenarios {
         let mut recordings = Vec::new();
         for &seed in &args.seeds {
-            let config = Config { seed: u64::from(seed), ..config.clone() };
+            let mut config = config.clone();
+            config.seed = u64::from(seed);
             let mut follower = Follower::new(&config);
             drive_observed(&config, scenario, 1, &mut [&mut follower])?;
             recordings.push((format!("{} {seed}", scenario.name), follower.recording()));

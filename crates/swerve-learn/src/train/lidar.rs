@@ -20,6 +20,7 @@ use swerve_perception::lidar::train::{Recipe, Sample, boost};
 use swerve_perception::lidar::{Candidate, Params, Scan};
 use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::sensors::LidarConfig;
 
@@ -150,7 +151,7 @@ fn truth(candidate: &Candidate, there: &[There]) -> f32 {
 
 /// Drive with a lidar on the roof, with perfect perception.
 struct Drive {
-    config: Config,
+    config: Setup,
     scenario: Scenario,
     ego_from_lidar: Transform<Ego, Lidar>,
     route: Route,
@@ -159,7 +160,7 @@ struct Drive {
 impl Drive {
     fn new(scenario: Scenario, seed: u64) -> Self {
         let lidar = LidarConfig::default();
-        let mut config = Config { seed, ..Config::default() };
+        let mut config = Setup::from(Config { seed, ..Config::default() });
         let ego_from_lidar = lidar.ego_from_lidar(&config.sim.vehicle.shape);
         config.lidar.insert(ROOF.into(), lidar);
         config.log.sensors = vec![ROOF.into()];

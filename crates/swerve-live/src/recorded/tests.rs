@@ -12,7 +12,7 @@ const S: u64 = 1_000_000_000;
 
 fn drive() -> Drive {
     let text = "[live]\nroute = \"lane.toml\"\n[control]\ncontroller = \"stanley\"\n[camera.camera]\n[lidar.lidar]\n";
-    let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+    let config = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
     let mapping = config.ros2_mapping().unwrap();
     let live = config.live.clone().unwrap();
     let route = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml"));

@@ -7,7 +7,7 @@ use swerve_ros2::convert::{Epoch, Sensor, edge_to_ros};
 use swerve_ros2::mapping::{Mapping, Role, TopicMap};
 use swerve_ros2::msg::tf2_msgs::TFMessage;
 use swerve_stack::Assembly;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 /// A sensor of the run with its topics.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Mounts {
 }
 
 impl Mounts {
-    pub(super) fn new(config: &Config, assembly: &Assembly, mapping: &Mapping) -> Self {
+    pub(super) fn new(config: &Setup, assembly: &Assembly, mapping: &Mapping) -> Self {
         let shape = &config.sim.vehicle.shape;
         let cameras = config.camera.iter().filter(|(name, camera)| config.runs(name) && camera.wanted().rgb);
         let cameras = cameras.map(|(name, camera)| (name.as_str(), unnamed(camera.ego_from_camera())));
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     fn mounts(text: &str) -> Mounts {
-        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        let config = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         Mounts::new(&config, &Assembly::new(&config).unwrap(), &config.ros2_mapping().unwrap())
     }
 

@@ -23,7 +23,7 @@ use swerve_ros2::msg::sensor_msgs::CompressedImage;
 use swerve_ros2::msg::visualization_msgs::MarkerArray;
 use swerve_ros2::{AnyMessage, Kind};
 use swerve_sim::sense::rolling_speeds_radps;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::VehicleParams;
 
@@ -44,7 +44,7 @@ const EPOCH: Epoch = Epoch { ns: 0 };
 
 /// Returns true if a run of this configuration has data for a topic.
 pub(super) fn is_fed(
-    config: &Config,
+    config: &Setup,
     streams: &Streams,
     mapping: &Mapping,
     mounts: &Mounts,
@@ -117,7 +117,7 @@ struct Car {
 
 impl Show {
     pub(super) fn new(
-        config: &Config,
+        config: &Setup,
         pipeline: &Pipeline,
         mapping: &Mapping,
         mounts: &Mounts,
@@ -170,7 +170,7 @@ impl Watch {
 
 impl Car {
     fn new(
-        config: &Config,
+        config: &Setup,
         pipeline: &Pipeline,
         mapping: &Mapping,
         mounts: &Mounts,

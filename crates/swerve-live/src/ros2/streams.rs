@@ -67,7 +67,7 @@ mod tests {
         let text = "[log]\nsensors = [\"front\"]\n[camera.front]\nwidth_px = 8\nheight_px = 8\n\
                     [fault.a]\nstream = \"pose\"\ndrop = true\n[fault.b]\nstream = \"pose\"\ndelay_ms = 5\n\
                     [fault.dark]\nstream = \"front.rgb\"\ndrop = true\n";
-        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        let config = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml");
         let scenario = swerve_drive::read_scenario(file.as_ref()).unwrap();
         let info = Pipeline::build(&config, &scenario).unwrap().graph.describe().unwrap();

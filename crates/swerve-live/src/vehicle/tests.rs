@@ -33,10 +33,10 @@ fn interface_fits_the_documented_length() {
     assert!(all <= LINES_MAX, "{all} lines with its topics");
 }
 
-fn config(live: &str) -> Config {
+fn config(live: &str) -> Setup {
     let text = format!("[live]\nroute = \"r.toml\"\n{live}[control]\ncontroller = \"stanley\"\n");
     let document = swerve_text::Document::parse("c.toml", text).unwrap();
-    Config::from_document(&document, &[]).unwrap()
+    Setup::from_document(&document, &[]).unwrap()
 }
 
 fn gate(accel_mps2: f64) -> GateOutput {

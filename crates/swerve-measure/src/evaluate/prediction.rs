@@ -20,7 +20,7 @@ use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, forecast_by};
 use swerve_report::files::read_whole;
 use swerve_report::output::align;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_text::{did_you_mean, in_one_line, list, parse_assignments};
 
 use files::Lanes;
@@ -107,7 +107,7 @@ fn chosen(
     let built = |name: &'static str| {
         let mut sets = vec![("prediction.predictor".to_owned(), name.into())];
         sets.extend(parse_assignments(&args.set)?);
-        let config = Config::load_with(registry, None, &sets).map_err(|found| problems_error(&found))?;
+        let config = Setup::load_with(registry, None, &sets).map_err(|found| problems_error(&found))?;
         let predictor = config.prediction.built(registry, None);
         Ok((name, predictor.map_err(|found| anyhow!("prediction: {}", in_one_line(&found)))?))
     };

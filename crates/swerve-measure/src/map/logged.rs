@@ -19,6 +19,7 @@ use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{EgoState, PointCloud};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images, LogConfig};
 use swerve_stack::pipeline::Pipeline;
 
@@ -40,7 +41,7 @@ pub(super) fn is_log(path: &Path) -> bool {
 /// Log and its selected lidar.
 pub(super) struct Logged {
     log: Log,
-    config: Config,
+    config: Setup,
     lidar: String,
     ego_from_lidar: Transform<Ego, Lidar>,
     way: Way,
@@ -54,7 +55,7 @@ impl Logged {
     pub(super) fn read(path: &Path, registry: &Registry, lidar: Option<&str>) -> anyhow::Result<Self> {
         let reader = Reader::open(path)?;
         let document = Config::logged(&reader.run_start().config)?;
-        let config = Config::from_document_with(registry, &document, &[])
+        let config = Setup::from_document_with(registry, &document, &[])
             .map_err(|problems| problems_error(&problems))?;
         let has_data = config.log.images == Images::Lossless;
         let log = Log::read_where(path, |record| match record {
@@ -67,7 +68,7 @@ impl Logged {
         Self::of(log, config, lidar).with_context(|| path.display().to_string())
     }
 
-    fn of(log: Log, config: Config, lidar: Option<&str>) -> anyhow::Result<Self> {
+    fn of(log: Log, config: Setup, lidar: Option<&str>) -> anyhow::Result<Self> {
         let ran = |name: &&String| log.streams.iter().any(|stream| stream.operator == **name);
         let names: Vec<&str> = config.lidar.keys().filter(ran).map(String::as_str).collect();
         let lidar = match (lidar, &names[..]) {
@@ -131,9 +132,10 @@ impl Logged {
             bail!("expected states of the world, to compute the clouds of `{}` again", self.lidar);
         };
         let scenario = Scenario::parse("scenario of the log", text).map_err(|e| problems_error(&e))?;
-        let Config { seed, ego, sim, render, lidar, .. } = self.config.clone();
+        let Config { seed, ego, sim, render, lidar, .. } = self.config.config.clone();
         let log = LogConfig { sensors: vec![self.lidar.clone()], ..LogConfig::default() };
         let alone = Config { seed, ego, sim, render, lidar, log, ..Config::default() };
+        let alone = self.config.with_config(alone);
         let mut pipeline = Pipeline::build(&alone, &scenario)?;
         let others = pipeline.assembly.operators().iter().map(|placed| placed.name.clone());
         for name in others.filter(|name| *name != self.lidar).collect::<Vec<_>>() {

@@ -127,9 +127,9 @@ impl Replanner {
         if !round_walker && !request.meets_in_other_lane(&way) {
             return way;
         }
-        kept(request, &self.obstacles, 0.0)
+        let kept = kept(request, &self.obstacles, 0.0).filter(|plan| request.keeps_lane(plan));
+        kept.or_else(|| give_way(request, &self.obstacles, settings.clearance_m))
             .filter(|plan| request.keeps_lane(plan))
-            .or_else(|| give_way(request, &self.obstacles, settings.clearance_m))
             .unwrap_or(way)
     }
 

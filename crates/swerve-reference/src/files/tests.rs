@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 use swerve_drive::shipped::Kind;
 use swerve_scenario::Scenario;
+use swerve_stack::Setup;
 
 use super::*;
 
@@ -159,7 +160,7 @@ fn schema_accepts_what_the_reader_accepts() {
         assert_eq!(wrong(FileKind::Config, text), Vec::<String>::new(), "{text}");
         let sets: toml::Table = text.parse().unwrap();
         let document = swerve_text::Document::parse("c.toml", sets.to_string()).unwrap();
-        let read = Config::from_document_with(&swerve_stack::Registry::standard(), &document, &[]);
+        let read = Setup::from_document_with(&swerve_stack::Registry::standard(), &document, &[]);
         assert!(read.is_ok(), "{text}: {:?}", read.err());
     }
 }

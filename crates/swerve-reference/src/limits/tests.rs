@@ -2,7 +2,7 @@
 
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_text::{Document, parse_assignment};
 
 use super::*;
@@ -80,7 +80,7 @@ fn problems(key: &Key, value: &str, with: &[(String, toml::Value)]) -> Vec<Strin
         swerve_text::set(&mut table, key, value.clone()).unwrap();
     }
     let document = Document::parse("range", table.to_string()).unwrap();
-    let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+    let problems = Setup::from_document(&document, &[]).err().unwrap_or_default();
     let is_here =
         |key: &str| key.strip_prefix(&place).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
     problems.iter().filter(|problem| is_here(&problem.key)).map(|problem| problem.message.clone()).collect()

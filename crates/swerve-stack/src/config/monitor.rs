@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Config;
 use super::camera::Output;
 use super::operator::is_plain_name;
 use crate::assembly::{one_of, pipeline_names};
-use crate::setup::Setup;
 
 /// Monitor of a camera or lidar: checks every byte of its output for frozen, blank or broken data.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -24,7 +24,7 @@ impl Default for MonitorConfig {
     }
 }
 
-impl Setup {
+impl Config {
     /// Names of all monitors.
     pub fn monitors(&self) -> impl Iterator<Item = &str> {
         self.monitor.keys().map(String::as_str)

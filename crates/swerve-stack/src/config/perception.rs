@@ -7,10 +7,10 @@ use swerve_perception::image_box::ImageCamera;
 use swerve_perception::{GroundTracker, Tracker, tracker};
 use swerve_text::{KeyProblem, did_you_mean, list, overridden};
 
-use super::PlanningConfig;
 use super::camera::CameraConfig;
 use super::detectors::{find, fits, published};
 use super::planner::{outside, within};
+use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::Scheduled;
 use crate::registry::Registry;
@@ -123,7 +123,7 @@ impl PerceptionConfig {
     }
 }
 
-impl Setup {
+impl Config {
     /// Camera of the emulated detector, if it has one.
     pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
         match (&self.perception.camera, sensing) {
@@ -132,7 +132,9 @@ impl Setup {
             (None, Sensing::Lidar) => None,
         }
     }
+}
 
+impl Setup {
     /// Expected time from a sensor frame to its plan's first effect, ms: the sum of the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
@@ -181,7 +183,7 @@ mod tests {
     use swerve_perception::ab3dmot;
 
     use super::*;
-    
+
     use crate::config::tests::config;
 
     #[test]

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ipc::OnLoss;
 
+use super::Config;
 use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
-use crate::setup::Setup;
 
 /// One process beside the coordinator.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -112,7 +112,7 @@ impl ProcessConfig {
     }
 }
 
-impl Setup {
+impl Config {
     /// Process that takes the steps of an operator; `None` for this one.
     pub fn process_of(&self, operator: &str) -> Option<&str> {
         let has = |process: &ProcessConfig| process.operators.iter().any(|name| name == operator);
@@ -247,7 +247,7 @@ fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use crate::Setup;
-    
+
     use swerve_text::Document;
 
     fn problems(text: &str) -> Vec<String> {

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use swerve_text::{Document, set};
 
+use super::Config;
 use super::process::{ProcessConfig, with_whole_paths};
 use crate::setup::Setup;
 
@@ -103,7 +104,7 @@ impl ProcessConfig {
     }
 }
 
-impl Setup {
+impl Config {
     /// Programs that it starts, in the order of their processes.
     pub fn programs(&self) -> impl Iterator<Item = NamedProgram> {
         self.process.iter().filter_map(|(name, process)| process.program(name))
@@ -113,7 +114,9 @@ impl Setup {
     pub fn names_program(&self, process: &str) -> bool {
         self.process.get(process).is_some_and(|config| config.program(process).is_some())
     }
+}
 
+impl Setup {
     /// Consents to all programs that it names, as requested by the user.
     pub fn allow_programs(&mut self) {
         let all = self.process.iter().map(|(name, process)| (name.clone(), process.names()));
@@ -219,7 +222,6 @@ fn has(value: &toml::Value, path: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    
 
     const FAR: &str = "[process.far]\noperators = [\"planner\"]\nstart = [\"ssh\", \"far\"]\n";
 

@@ -13,6 +13,26 @@ use crate::kind::KeyProblems;
 use crate::registry::Registry;
 use crate::setup::Setup;
 
+impl Config {
+    /// The configuration of a log, without removed keys that never had an effect on results.
+    pub fn logged(text: &str) -> Result<Document, Problems> {
+        let mut document = Document::parse("configuration of the log", text)?;
+        if let Some(render) = document.table.get_mut("render").and_then(toml::Value::as_table_mut) {
+            render.remove("threads");
+        }
+        Ok(document)
+    }
+
+    /// Several files as one: later ones override earlier ones, key by key.
+    pub fn layered(documents: impl IntoIterator<Item = Document>) -> Option<Document> {
+        let whole = |mut document: Document| {
+            document.table = with_whole_paths(core::mem::take(&mut document.table), document.folder());
+            document
+        };
+        documents.into_iter().map(whole).reduce(|base, top| top.over(base))
+    }
+}
+
 impl Setup {
     /// Reads a file (or takes the defaults) and applies assignments in order; checks everything.
     pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
@@ -45,24 +65,6 @@ impl Setup {
     ) -> Result<Self, Problems> {
         let plain = Self::of_file(registry, document)?;
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
-    }
-
-    /// The configuration of a log, without removed keys that never had an effect on results.
-    pub fn logged(text: &str) -> Result<Document, Problems> {
-        let mut document = Document::parse("configuration of the log", text)?;
-        if let Some(render) = document.table.get_mut("render").and_then(toml::Value::as_table_mut) {
-            render.remove("threads");
-        }
-        Ok(document)
-    }
-
-    /// Several files as one: later ones override earlier ones, key by key.
-    pub fn layered(documents: impl IntoIterator<Item = Document>) -> Option<Document> {
-        let whole = |mut document: Document| {
-            document.table = with_whole_paths(core::mem::take(&mut document.table), document.folder());
-            document
-        };
-        documents.into_iter().map(whole).reduce(|base, top| top.over(base))
     }
 
     /// Reads a file as written; its problems have their lines. Problems found later are those of an assignment.

@@ -77,7 +77,6 @@ mod tests {
     use swerve_text::Document;
 
     use crate::Setup;
-    
 
     fn read(text: &str) -> Result<Setup, Vec<String>> {
         let document = Document::parse("c.toml", text).unwrap();

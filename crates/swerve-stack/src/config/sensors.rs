@@ -10,8 +10,8 @@ use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTimi
 use swerve_text::{did_you_mean, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
-use super::Images;
 use super::planner::problem;
+use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 use crate::setup::Setup;
 
@@ -244,7 +244,7 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
     told
 }
 
-impl Setup {
+impl Config {
     /// Names of the sensors with named tables, each with the name of the table.
     fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));
@@ -256,11 +256,6 @@ impl Setup {
     /// Names of all cameras, radars and lidars.
     pub fn sensors(&self) -> impl Iterator<Item = &str> {
         self.named_sensors().map(|(_, name)| name)
-    }
-
-    /// Returns true if a sensor runs: an operator reads it, or `log.sensors` names it.
-    pub fn runs(&self, sensor: &str) -> bool {
-        Assembly::with_problems(self, &mut Vec::new()).has(sensor)
     }
 
     /// Times from exposure to the reader of a camera, radar or lidar, and the time between two steps of its operator.
@@ -293,6 +288,13 @@ impl Setup {
         self.radar.iter().for_each(|(name, radar)| within("radar", name, radar.faults(shape)));
         let dt_ms = self.sim.dt_ms;
         self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
+    }
+}
+
+impl Setup {
+    /// Returns true if a sensor runs: an operator reads it, or `log.sensors` names it.
+    pub fn runs(&self, sensor: &str) -> bool {
+        Assembly::with_problems(self, &mut Vec::new()).has(sensor)
     }
 
     pub(super) fn check_log(&self, told: &mut Faults) {

@@ -17,7 +17,7 @@ use swerve_perception::image_box::ImageCamera;
 use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
 use swerve_scenario::{Actor, Direction, Motion, PAVEMENT_M, Scenario, Segment};
 use swerve_sim::{SimParams, Simulator};
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::camera::CameraConfig;
 use swerve_stack::config::camera_detectors::{self, CameraObjectsTable};
 use swerve_stack::config::perception::image_camera;
@@ -78,7 +78,7 @@ pub(super) struct Ride {
 }
 
 impl Ride {
-    pub(super) fn new(timely: &Timely, config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+    pub(super) fn new(timely: &Timely, config: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
         let speed_mps = speed_mps(config, scenario)?;
         let params = SimParams { dt: span_of_ms(config.sim.dt_ms), vehicle: config.sim.vehicle.clone() };
         let scenario = crowd(scenario, timely, config.seed);
@@ -165,7 +165,7 @@ enum Source {
 }
 
 impl Eyes {
-    pub(super) fn new(timely: &Timely, config: &Config, ride: &Ride) -> anyhow::Result<Self> {
+    pub(super) fn new(timely: &Timely, config: &Setup, ride: &Ride) -> anyhow::Result<Self> {
         let asks = |of: &[Measure]| timely.measures.iter().any(|measure| of.contains(measure));
         let tracks = asks(&[Measure::Sort, Measure::Bytetrack]);
         let forest = asks(&[Measure::ForestMiou]);
@@ -200,7 +200,7 @@ impl Eyes {
 }
 
 impl Pixels {
-    fn new(config: &Config, ride: &Ride, groups: bool, forest: bool) -> anyhow::Result<Self> {
+    fn new(config: &Setup, ride: &Ride, groups: bool, forest: bool) -> anyhow::Result<Self> {
         let mounted = the_camera(config)?;
         let shape = &config.sim.vehicle.shape;
         let street = Street::new(ride.simulator.scenario(), shape, config.render.weather, config.seed);
@@ -258,7 +258,7 @@ fn view<'a>(
 }
 
 /// The only camera of the configuration.
-fn the_camera(config: &Config) -> anyhow::Result<&CameraConfig> {
+fn the_camera(config: &Setup) -> anyhow::Result<&CameraConfig> {
     let mut cameras = config.camera.values();
     let (Some(mounted), None) = (cameras.next(), cameras.next()) else {
         bail!("camera: expected one camera to draw the images of, found {}", config.camera.len());
@@ -293,7 +293,7 @@ fn people(frame: &Frame, world: &WorldState, within_m: f64) -> Vec<Boxed> {
 }
 
 impl Boxes {
-    fn new(config: &Config, ride: &Ride, tracks: bool) -> anyhow::Result<Self> {
+    fn new(config: &Setup, ride: &Ride, tracks: bool) -> anyhow::Result<Self> {
         let trackers = tracks.then(Default::default);
         let lens = |mounted: &CameraConfig| image_camera(mounted).context("camera: expected one with a lens");
         if let Some(table) = CameraObjectsTable::first(config) {

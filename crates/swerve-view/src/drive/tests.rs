@@ -12,7 +12,7 @@ fn begins() -> Arc<Begins> {
 
 /// Digest of a drive with spectators.
 fn digest(show: &Show, begins: Arc<Begins>, streams: Option<Streams>) -> String {
-    let summarise = |_: &Config, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
+    let summarise = |_: &Setup, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
     let driver = Driver { begins, summarise: &summarise, show, streams };
     let (over, page) = driver.drive(&Begin::default()).unwrap();
     assert!(page.is_some());

@@ -9,7 +9,8 @@ use swerve_drive::shipped::Kind;
 use swerve_planning::Planner;
 use swerve_pylot::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
 use swerve_stack::Registry;
-use swerve_stack::config::{Config, Fineness};
+use swerve_stack::Setup;
+use swerve_stack::config::Fineness;
 use swerve_text::{did_you_mean, from_json, list, parse_assignments};
 
 use super::{PlanArgs, PosedPlanner, PresetName};
@@ -30,7 +31,7 @@ pub enum Posed<'a> {
 /// A planner of the registry on road problems.
 #[derive(Clone, Copy, Debug)]
 pub struct Named<'a> {
-    config: &'a Config,
+    config: &'a Setup,
     /// Width of the road.
     pub(super) road: Option<&'a FotConfig>,
 }
@@ -41,13 +42,13 @@ impl Named<'_> {
     /// # Panics
     /// If its parameters are out of range.
     pub(super) fn planner(&self) -> Box<dyn Planner> {
-        let Config { planning, registry, .. } = self.config;
+        let (planning, registry) = (&self.config.planning, &self.config.registry);
         planning.planner(registry).expect("the configuration was checked")
     }
 }
 
 /// Configuration that names the planner of the command line, without a comfort layer.
-pub(super) fn config(args: &PlanArgs, registry: &Registry) -> anyhow::Result<Config> {
+pub(super) fn config(args: &PlanArgs, registry: &Registry) -> anyhow::Result<Setup> {
     let fineness = [Fineness::Fast, Fineness::Slow].map(Fineness::as_str);
     let name = args.discretisation.as_str();
     ensure!(
@@ -66,13 +67,13 @@ pub(super) fn config(args: &PlanArgs, registry: &Registry) -> anyhow::Result<Con
         key("preset", preset),
     ];
     sets.extend(parse_assignments(&args.set)?);
-    Config::load_with(registry, None, &sets).map_err(|problems| problems_error(&problems))
+    Setup::load_with(registry, None, &sets).map_err(|problems| problems_error(&problems))
 }
 
 /// Selects the road problems of a file for a planner of the registry.
 pub(super) fn on_road<'a>(
     file: &'a ProblemFile,
-    config: &'a Config,
+    config: &'a Setup,
     discretisation: &str,
 ) -> anyhow::Result<Named<'a>> {
     ensure!(!file.problems.fot.is_empty(), "problems.fot: no problem of a road, which this planner requires");

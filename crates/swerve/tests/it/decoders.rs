@@ -22,7 +22,7 @@ use swerve_msg::{
     TrackList, TrafficLights, VehicleReport, WheelOdometry, WireAlarm,
 };
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::execution::parse_policy;
 use swerve_stack::pipeline::Pipeline;
 use swerve_study::grid::Study;
@@ -125,7 +125,7 @@ sensor = 'front'
 [monitor.ear]
 sensor = 'roof'
 ";
-    let config = Config::from_document(&Document::parse("sensors", SENSORS).unwrap(), &[]).unwrap();
+    let config = Setup::from_document(&Document::parse("sensors", SENSORS).unwrap(), &[]).unwrap();
     let file = root().join("scenarios/person_behind_truck.toml");
     let mut pipeline = Pipeline::build(&config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(400);
@@ -287,7 +287,7 @@ proptest! {
     fn changed_configurations_never_panic(which in any::<Index>(), numbers in numbers(), changes in some_changes()) {
         let text = changed_text(which.get::<String>(&CONFIGS), &numbers, &changes);
         if let Ok(document) = Document::parse("changed.toml", text) {
-            let _either_way = Config::from_document(&document, &[]).is_ok();
+            let _either_way = Setup::from_document(&document, &[]).is_ok();
         }
     }
 

@@ -17,7 +17,7 @@ use swerve_flow::{Event, Observer};
 use swerve_ipc::{OnLoss, Traffic};
 use swerve_log::{Log, Recorder};
 use swerve_msg::Supervision;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::config::process::ProcessConfig;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
@@ -42,10 +42,10 @@ fn scenario_file() -> PathBuf {
     root().join("scenarios").join(SCENARIO).with_extension("toml")
 }
 
-fn config(file: &str, sets: &[&str]) -> Config {
+fn config(file: &str, sets: &[&str]) -> Setup {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
     let file = root().join("configs").join(file).with_extension("toml");
-    Config::load(Some(&file), &sets).unwrap_or_else(|problems| panic!("{problems:?}"))
+    Setup::load(Some(&file), &sets).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
 /// A small camera and a lidar, each with an observer.
@@ -63,14 +63,16 @@ sensor = 'front'
 sensor = 'roof'
 ";
 
-fn watched(operators: &[&str]) -> Config {
+fn watched(operators: &[&str]) -> Setup {
     let text = format!("{WATCHED}[process.watch]\noperators = {operators:?}\n");
-    Config::from_document(&Document::parse("watched", text).unwrap(), &[]).unwrap()
+    Setup::from_document(&Document::parse("watched", text).unwrap(), &[]).unwrap()
 }
 
 /// The same configuration in one process.
-fn together(config: &Config) -> Config {
-    Config { process: Default::default(), ..config.clone() }
+fn together(config: &Setup) -> Setup {
+    let mut together = config.clone();
+    together.process.clear();
+    together
 }
 
 /// A run before its start, with its processes ready.
@@ -80,20 +82,20 @@ struct Run {
     seed: u64,
 }
 
-fn start(config: &Config, until: Time) -> Run {
+fn start(config: &Setup, until: Time) -> Run {
     let mut pipeline = Pipeline::build(config, &read_scenario(&scenario_file()).unwrap()).unwrap();
     pipeline.until = until;
     let processes = Processes::start(&program(), config, &mut pipeline).unwrap();
     Run { pipeline, processes, seed: config.seed }
 }
 
-fn drive_split(config: &Config, until: Time) -> (Outcome, Traffic) {
+fn drive_split(config: &Setup, until: Time) -> (Outcome, Traffic) {
     let Run { pipeline, processes, seed } = start(config, until);
     let outcome = drive_pipeline(pipeline, seed, 1, &mut []).unwrap();
     (outcome, processes.traffic())
 }
 
-fn drive_here(config: &Config, until: Time) -> Outcome {
+fn drive_here(config: &Setup, until: Time) -> Outcome {
     let scenario = read_scenario(&scenario_file()).unwrap();
     let mut pipeline = Pipeline::build(&together(config), &scenario).unwrap();
     pipeline.until = until;
@@ -247,7 +249,7 @@ enum Moment {
 
 /// Drives until a worker of the run is killed; checks that this is reported, logged and cleaned up. Returns the
 /// detection time, or `None` if the run ended first.
-fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
+fn lose_one(config: &Setup, which: usize, moment: Moment) -> Option<Duration> {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));

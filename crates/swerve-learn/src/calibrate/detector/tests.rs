@@ -6,7 +6,7 @@ fn frames(sensing: Sensing) -> Frames {
     let all = scenarios(None).unwrap();
     let with = "control.controller=pid planning.collision=time_indexed planning.comfort.enabled=false";
     let with: Vec<String> = with.split(' ').map(str::to_owned).collect();
-    let base = Config::load(None, &swerve_text::parse_assignments(&with).unwrap()).unwrap();
+    let base = Setup::load(None, &swerve_text::parse_assignments(&with).unwrap()).unwrap();
     Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
 }
 

@@ -9,7 +9,7 @@ use swerve_geom::{Ego, Point2, Pose2};
 use swerve_msg::truth::{Actor, PointInstances, WorldState};
 use swerve_msg::{DetectedBox, EgoState, PointCloud};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 
 /// One sweep with its ground truth.
 pub(super) struct Frame<'a> {
@@ -32,7 +32,7 @@ pub(super) struct There {
 
 /// Drives a scenario and passes on every sweep of the one lidar that is at least `every` after the previous one.
 pub(super) fn sweeps(
-    config: &Config,
+    config: &Setup,
     scenario: &Scenario,
     every: Span,
     show: &mut (dyn FnMut(&Frame<'_>) + Send),

@@ -1,9 +1,10 @@
 //! Workers that neither answer nor exit, because a signal has stopped them.
 
 use super::*;
+use swerve_stack::Setup;
 
 /// Configuration with a bound on each reply of its processes.
-fn bounded(reply_within_s: f64, more: &[&str]) -> Config {
+fn bounded(reply_within_s: f64, more: &[&str]) -> Setup {
     let mut config = config("two_processes", more);
     config.process.values_mut().for_each(|process| process.reply_within_s = reply_within_s);
     config
