@@ -155,6 +155,20 @@ fn detector_of_another_crate_is_used_by_name() {
     );
 }
 
+/// Keys with ranges, run times, effect on the tracks.
+#[test]
+fn lidar_detector_of_another_crate_is_a_kind() {
+    let named =
+        ["lidar.roof={}", "operator.cloud.kind=nearest_points", "operator.tracker.reads={boxes=\"cloud\"}"];
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&named, assignments].concat());
+    let metrics = drive(&["operator.cloud.runtime={ fixed_ms = 6 }"]);
+    assert_eq!(p50_ms(&metrics, "cloud"), 6.0);
+    let narrow = drive(&["operator.cloud.half_width_m=0.5"]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&narrow));
+    let range = problem(&[&named, &["operator.cloud.half_width_m=99"][..]].concat());
+    assert_eq!(range, "--set: operator.cloud.half_width_m: expected 0.5 to 10, found 99");
+}
+
 /// Keys, run times, accuracy in the metrics.
 #[test]
 fn localizer_of_another_crate_is_used_by_name() {
