@@ -1,4 +1,4 @@
-//! Swerve with a detector, a planner and a message of one's own: all of its commands, for these too.
+//! Swerve with custom operators, algorithms and a message, which all of its commands know.
 
 mod cautious;
 mod clear_ahead;
