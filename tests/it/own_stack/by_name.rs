@@ -247,7 +247,7 @@ fn plan_solves_road_problems_with_a_planner_of_another_crate() {
     let range = plan("cautious", &["planning.params.share=2"]).unwrap_err();
     assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
     let name = plan("cautios", &[]).unwrap_err();
-    assert!(name.starts_with("--set: planning.planner: expected one of \"fot\""), "{name}");
+    assert!(name.starts_with("--planner: expected one of \"fot\""), "{name}");
     assert!(name.ends_with("did you mean \"cautious\"?"), "{name}");
     let fineness =
         command(&["plan", "detour", "--planner", "cautious", "--discretisation", "fats"]).unwrap_err();
