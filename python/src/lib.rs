@@ -9,9 +9,11 @@
 //! | `run.rs`, `study.rs`, `log.rs`, `command.rs` | one function each |
 //! | `gym/` | drives stepped by an agent |
 //! | `worker.rs` | operators written in Python, in separate processes |
+//! | `algorithms.rs` | algorithms written in Python, called by operators of the stack |
 //!
 //! The public interface is in the Python files; this module is internal to them.
 
+mod algorithms;
 mod background;
 mod command;
 mod convert;

@@ -30,7 +30,7 @@ impl AnyOperator for PythonOperator {
     fn step(&mut self, cx: &mut Context<'_>, inputs: Vec<AnyInput>, out: &mut AnyOutputs<'_>) {
         let stepped = Python::attach(|py| {
             let outputs = self.call(py, cx, &inputs).and_then(|answer| send(py, &answer, out));
-            outputs.map_err(|error| told(py, &error))
+            outputs.map_err(|error| with_traceback(py, &error))
         });
         if let Err(why) = stepped {
             // Reported to the run as this operator's panic, without a panic message here.
@@ -94,7 +94,7 @@ fn send(py: Python<'_>, answer: &Bound<'_, PyAny>, out: &mut AnyOutputs<'_>) -> 
 }
 
 /// An exception with its traceback.
-fn told(py: Python<'_>, error: &PyErr) -> String {
+pub(crate) fn with_traceback(py: Python<'_>, error: &PyErr) -> String {
     let trace = error.traceback(py).and_then(|trace| trace.format().ok()).unwrap_or_default();
     format!("{error}\n{trace}").trim_end().to_owned()
 }
@@ -128,9 +128,11 @@ fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, 
 
 /// Takes steps until the run that started this process ends. `make` is called once for each operator, with its name,
 /// inputs (port, mode, stream, Rust type) and outputs (port, stream, Rust type), and returns the function called for
-/// each frame. Ports have names if the configuration declares them.
+/// each frame, or `None` for an operator of the stack that calls an algorithm. Ports have names if the configuration
+/// declares them. `algorithms` creates those algorithms, by their role.
 #[pyfunction]
-pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
+pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDict>) -> PyResult<()> {
+    let registry = swerve::Registry::standard().with_foreign(&crate::algorithms::foreign(algorithms)?);
     let prepare = |setup: &WorkerSetup, pipeline: Pipeline| {
         let Pipeline { mut graph, assembly, .. } = pipeline;
         let described = graph.describe()?;
@@ -147,12 +149,15 @@ pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
             let (inputs, outputs) = (inputs(&graph, operator, read), outputs(operator, published));
             let timers = operator.inputs.iter().map(|input| input.stream.is_none()).collect();
             let step = Python::attach(|py| {
-                make.call1(py, (name.as_str(), inputs, outputs)).map_err(|error| told(py, &error))
+                make.call1(py, (name.as_str(), inputs, outputs)).map_err(|error| with_traceback(py, &error))
             });
             let step = step.map_err(anyhow::Error::msg)?;
+            if Python::attach(|py| step.is_none(py)) {
+                continue;
+            }
             graph.replace(name, PythonOperator { step, timers })?;
         }
         Ok(graph)
     };
-    py.detach(|| run_worker_with(&swerve::Registry::standard(), prepare)).map_err(error)
+    py.detach(|| run_worker_with(&registry, prepare)).map_err(error)
 }

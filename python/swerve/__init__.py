@@ -5,7 +5,8 @@
 >>> result.verdict, result.digest
 >>> result.streams["pose"]["speed_mps"]
 
-`swerve.gym` has the environments, `swerve.messages` what streams carry, `swerve.Operator` is what an operator is made of.
+`swerve.gym` has the environments, `swerve.messages` the messages of streams. `swerve.Planner`, `Predictor` and `Tracker` are
+the base classes of algorithms, `swerve.Operator` that of operators.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 
 from . import _swerve, messages
 from ._files import scenarios
+from .algorithms import Planner, PlanRequest, Predictor, Route, Tracker
 from .logs import Log, read_log
 from .operators import Frame, Operator
 from .runs import Result, run
@@ -29,9 +31,14 @@ __all__ = [
     "Frame",
     "Log",
     "Operator",
+    "PlanRequest",
+    "Planner",
+    "Predictor",
     "Result",
+    "Route",
     "Stream",
     "StudyResult",
+    "Tracker",
     "messages",
     "read_log",
     "run",

@@ -26,13 +26,14 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, ClassVar
 
-from . import _swerve
+from . import _swerve, algorithms
+from .algorithms import Algorithm
 from .messages import Message
 from .streams import message_class
 
@@ -138,7 +139,7 @@ def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> C
     return step
 
 
-def load(where: str) -> type[Operator]:
+def load(where: str) -> type[Operator] | type[Algorithm]:
     """The class that `FILE.py:Class` names."""
     file, _, name = where.rpartition(":")
     if not file:
@@ -153,26 +154,54 @@ def load(where: str) -> type[Operator]:
     sys.path.insert(0, str(path.parent))
     spec.loader.exec_module(module)
     found = getattr(module, name, None)
-    if not (isinstance(found, type) and issubclass(found, Operator)):
-        classes = [k for k, v in vars(module).items() if isinstance(v, type) and issubclass(v, Operator)]
+    if not (isinstance(found, type) and issubclass(found, (Operator, Algorithm))):
+        fit = (v for v in vars(module).values() if isinstance(v, type) and issubclass(v, (Operator, Algorithm)))
+        classes = [v.__name__ for v in fit if v.__module__ == module.__name__]
         raise TypeError(f"{file} has no operator `{name}`, only {', '.join(classes) or 'none'}")
     return found
+
+
+#: Creates an algorithm and returns the function that the stack calls.
+_Creator = Callable[[], Callable[[dict[str, Any]], dict[str, Any]]]
+
+
+def _creator(algorithm: type[Algorithm]) -> _Creator:
+    return lambda: algorithm()._calls()
+
+
+def _algorithms(places: Iterable[str]) -> dict[str, _Creator]:
+    """The algorithms among the classes, by role. A class that cannot be loaded is reported with its operator."""
+    made: dict[str, _Creator] = {}
+    for where in places:
+        try:
+            found = load(where)
+        except Exception:
+            continue
+        if issubclass(found, Algorithm):
+            made[found.role] = _creator(found)
+    return made
 
 
 def work(words: list[str]) -> int:
     """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
     places = {name: where for name, _, where in (word.rpartition("=") for word in words)}
 
-    def make(name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
+    def make(name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]] | None:
         where = places.get(name, places.get(""))
         if where is None:
             raise KeyError(f"no class is named for operator `{name}`")
-        return stepper(load(where)(), name, inputs, outputs)
+        found = load(where)
+        if issubclass(found, Algorithm):
+            # The operator of the stack calls it.
+            read, published = ([message_class(str(port[-1])).__name__ for port in side] for side in (inputs, outputs))
+            algorithms.check(found, name, read, published)
+            return None
+        return stepper(found(), name, inputs, outputs)
 
     # Standard output is how a process answers its run; what an operator prints is for people.
     sys.stdout = sys.stderr
     try:
-        _swerve.work(make)
+        _swerve.work(make, _algorithms(places.values()))
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -34,7 +34,7 @@ def test_a_configuration_runs_with_what_is_beside_it(tmp_path: Path) -> None:
         if info[:1] == ["python"] and len(info) == 2:
             (tmp_path / info[1]).write_text(text)
     configs = [text for info, text in BLOCKS if info == ["toml", "config"]]
-    assert len(configs) == 2
+    assert len(configs) == 3
     for index, text in enumerate(configs):
         (tmp_path / f"my_{index}.toml").write_text(text)
         said = [

@@ -23,6 +23,15 @@ def test_an_example_runs_anywhere(example: str, tmp_path: Path) -> None:
     assert python(tmp_path, EXAMPLES / f"{example}.py", *few)
 
 
+def test_planner_avoids_the_person_as_the_program_has_it(tmp_path: Path) -> None:
+    said = python(tmp_path, EXAMPLES / "planner.py").splitlines()
+    assert len(said) == 2 and "avoided" in said[1], said
+    config = EXAMPLES / "planner.toml"
+    ran = python(tmp_path, "-m", "swerve", "run", "person_crossing", "-c", config, "--allow-code", "--json")
+    digest = re.search(r'"digest": *"(\w+)"', ran)
+    assert digest and said[1].endswith(digest[1]), said
+
+
 def test_the_detector_drives_as_the_program_has_it(tmp_path: Path) -> None:
     said = python(tmp_path, EXAMPLES / "detector.py")
     config = EXAMPLES / "detector.toml"

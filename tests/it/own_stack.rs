@@ -27,6 +27,8 @@ mod fading;
 mod nearest_ahead;
 #[path = "../../examples/own_stack/src/nearest_box.rs"]
 mod nearest_box;
+#[path = "../../examples/own_stack/src/nearest_points.rs"]
+mod nearest_points;
 #[path = "../../examples/own_stack/src/pulled.rs"]
 mod pulled;
 #[path = "../../examples/own_stack/src/pursuit.rs"]
@@ -50,6 +52,7 @@ fn registry() -> Registry {
         .with_controller::<pursuit::Pursuit>()
         .with_predictor::<fading::Fading>()
         .with_detector::<colourful::Colourful>()
+        .with_lidar_detector::<nearest_points::NearestPoints>()
         .with_tracker::<nearest_box::NearestBox>()
         .with_localizer::<pulled::Pulled>()
         .with_view(clear_ahead::show)
@@ -187,6 +190,7 @@ fn each_of_their_files_is_short() {
         "fading",
         "nearest_ahead",
         "nearest_box",
+        "nearest_points",
         "pulled",
         "pursuit",
         "slow_down",

@@ -86,6 +86,19 @@ pub struct Candidate {
     class: usize,
 }
 
+/// A detector of objects in the sweeps of one lidar.
+pub trait LidarDetector: Send {
+    /// Detects the objects of a sweep, by falling score, and replaces the content of `out`: boxes on the ground, in the
+    /// ego frame at the sweep's stamp.
+    fn detect(&mut self, scan: &Scan<'_>, out: &mut Detections);
+}
+
+impl LidarDetector for LidarObjects {
+    fn detect(&mut self, scan: &Scan<'_>, out: &mut Detections) {
+        self.detect(scan, out);
+    }
+}
+
 /// Detects objects in sweeps. Stateless except for reused buffers.
 #[derive(Clone, Debug)]
 pub struct LidarObjects {

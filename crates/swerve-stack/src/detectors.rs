@@ -1,12 +1,14 @@
-//! Camera detectors that a configuration can name: built-in ones, files of weights, and those of other crates.
+//! Detectors for cameras and lidars that a configuration can name: built-in ones, files of weights, and those of other
+//! crates.
 
 use std::borrow::Cow;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::ParamError;
-use swerve_perception::CameraObjects;
 use swerve_perception::camera::CameraDetector;
+use swerve_perception::lidar::{self, LidarDetector};
+use swerve_perception::{CameraObjects, LidarObjects};
 use swerve_text::{KeyProblem, overridden};
 use swerve_vision::acf::Weights;
 
@@ -61,6 +63,49 @@ pub trait NamedDetector: CameraDetector + Sized + 'static {
     /// # Errors
     /// A parameter out of its range.
     fn with_params(params: Self::Params, of: DetectorSetup<'_>) -> Result<Self, ParamError>;
+}
+
+/// A lidar detector that `kind` of an operator can name.
+///
+/// [`Registry::with_lidar_detector`](crate::Registry::with_lidar_detector) adds one. It then has everything that the
+/// built-in detector has: the mounting pose of its lidar, the pose of the ego at each sweep, run times, sensor fusion.
+pub trait NamedLidarDetector: LidarDetector + Sized + 'static {
+    /// Name of the kind.
+    const NAME: &'static str;
+
+    /// Description in `swerve operators`.
+    const DOC: &'static str;
+
+    /// Parameters: the keys of the operator.
+    type Params: Serialize + DeserializeOwned + Default;
+
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// A parameter out of its range.
+    fn validate(_: &Self::Params) -> Result<(), ParamError> {
+        Ok(())
+    }
+
+    /// Creates the detector.
+    ///
+    /// # Errors
+    /// A parameter out of its range.
+    fn with_params(params: Self::Params) -> Result<Self, ParamError>;
+}
+
+impl NamedLidarDetector for LidarObjects {
+    const NAME: &'static str = "lidar_objects";
+    const DOC: &'static str = "boxes of cars, trucks, cyclists and people in a lidar's points";
+    type Params = lidar::Params;
+
+    fn validate(params: &lidar::Params) -> Result<(), ParamError> {
+        params.validate()
+    }
+
+    fn with_params(params: lidar::Params) -> Result<Self, ParamError> {
+        Self::new(params)
+    }
 }
 
 /// A detector's type, erased.

@@ -11,6 +11,7 @@ mod controllers;
 pub mod course;
 mod detectors;
 pub mod faults;
+mod foreign;
 mod kind;
 mod localizers;
 mod named;
@@ -28,7 +29,8 @@ mod trackers;
 
 pub use assembly::Assembly;
 pub use controllers::{ControllerSetup, NamedController};
-pub use detectors::{DetectorSetup, NamedDetector};
+pub use detectors::{DetectorSetup, NamedDetector, NamedLidarDetector};
+pub use foreign::Foreign;
 pub use kind::{
     Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
     time_of_ms,

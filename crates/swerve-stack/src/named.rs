@@ -45,6 +45,13 @@ impl<T: ?Sized> Named<T> {
         self.0.push((name, algorithm));
     }
 
+    /// Replaces every algorithm, and keeps its name.
+    pub(crate) fn replace(&mut self, by: impl Fn(Arc<T>) -> Arc<T>) {
+        for (_, algorithm) in &mut self.0 {
+            *algorithm = by(algorithm.clone());
+        }
+    }
+
     /// The algorithm of this name.
     pub(crate) fn get(&self, name: &str) -> Option<&T> {
         self.0.iter().find(|(known, _)| *known == name).map(|(_, algorithm)| &**algorithm)

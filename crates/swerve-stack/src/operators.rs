@@ -52,6 +52,7 @@ use crate::registry::Registry;
 
 pub use controller::controller;
 pub(crate) use dead_reckoning::Carried;
+pub(crate) use lidar_objects::Objects as LidarOperator;
 pub(crate) use localizer::Filter;
 pub use obstacles::ObstacleSight;
 pub(crate) use pose::PoseSensor;
@@ -75,7 +76,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
         .with_kind(camera_objects::CameraObjects)
-        .with::<lidar_objects::Objects>()
+        .with_lidar_detector::<swerve_perception::LidarObjects>()
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()
         .with::<localizer::Filter>()

@@ -61,6 +61,11 @@ pub trait NamedPlanner: Planner + Sized + 'static {
 pub(crate) trait AnyPlanner: Send + Sync {
     fn has_comfort(&self) -> bool;
 
+    /// True in place of the named one, also of the original's of that name.
+    fn is_foreign(&self) -> bool {
+        false
+    }
+
     /// The planner and the manner of its comfort layer, from parameters that differ from the defaults.
     fn build(&self, of: PlannerDefaults, params: &toml::Table) -> Result<Built, Vec<KeyProblem>>;
 }

@@ -20,11 +20,12 @@ use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::perception::CUSTOM;
 use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
-use crate::detectors::{AnyDetector, ByWeights, NamedDetector};
+use crate::detectors::{AnyDetector, ByWeights, NamedDetector, NamedLidarDetector};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odometry};
 use crate::named::{Named, Of};
+use crate::operators::LidarOperator;
 use crate::planners::{AnyPlanner, NamedPlanner};
 use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
 use crate::setup::Setup;
@@ -151,6 +152,12 @@ impl Registry {
     pub fn with_detector<D: NamedDetector>(mut self) -> Self {
         self.detectors.insert(D::NAME, Arc::new(Of::<D>::new()));
         self
+    }
+
+    /// Adds a lidar detector: a kind of operator with its name, in place of an existing one of the same name.
+    #[must_use]
+    pub fn with_lidar_detector<D: NamedLidarDetector>(self) -> Self {
+        self.with::<LidarOperator<D>>()
     }
 
     /// Adds the detectors whose weights are in the program.

@@ -1,4 +1,4 @@
-//! Swerve with a detector, a planner and a message of one's own: all of its commands, for these too.
+//! Swerve with custom operators, algorithms and a message, which all of its commands know.
 
 mod cautious;
 mod clear_ahead;
@@ -6,6 +6,7 @@ mod colourful;
 mod fading;
 mod nearest_ahead;
 mod nearest_box;
+mod nearest_points;
 mod pulled;
 mod pursuit;
 mod slow_down;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
             .with_controller::<pursuit::Pursuit>()
             .with_predictor::<fading::Fading>()
             .with_detector::<colourful::Colourful>()
+            .with_lidar_detector::<nearest_points::NearestPoints>()
             .with_tracker::<nearest_box::NearestBox>()
             .with_localizer::<pulled::Pulled>()
             .with_view(clear_ahead::show),

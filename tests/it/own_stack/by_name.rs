@@ -155,6 +155,20 @@ fn detector_of_another_crate_is_used_by_name() {
     );
 }
 
+/// Keys with ranges, run times, effect on the tracks.
+#[test]
+fn lidar_detector_of_another_crate_is_a_kind() {
+    let named =
+        ["lidar.roof={}", "operator.cloud.kind=nearest_points", "operator.tracker.reads={boxes=\"cloud\"}"];
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&named, assignments].concat());
+    let metrics = drive(&["operator.cloud.runtime={ fixed_ms = 6 }"]);
+    assert_eq!(p50_ms(&metrics, "cloud"), 6.0);
+    let narrow = drive(&["operator.cloud.half_width_m=0.5"]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&narrow));
+    let range = problem(&[&named, &["operator.cloud.half_width_m=99"][..]].concat());
+    assert_eq!(range, "--set: operator.cloud.half_width_m: expected 0.5 to 10, found 99");
+}
+
 /// Keys, run times, accuracy in the metrics.
 #[test]
 fn localizer_of_another_crate_is_used_by_name() {
@@ -233,7 +247,7 @@ fn plan_solves_road_problems_with_a_planner_of_another_crate() {
     let range = plan("cautious", &["planning.params.share=2"]).unwrap_err();
     assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
     let name = plan("cautios", &[]).unwrap_err();
-    assert!(name.starts_with("--set: planning.planner: expected one of \"fot\""), "{name}");
+    assert!(name.starts_with("--planner: expected one of \"fot\""), "{name}");
     assert!(name.ends_with("did you mean \"cautious\"?"), "{name}");
     let fineness =
         command(&["plan", "detour", "--planner", "cautious", "--discretisation", "fats"]).unwrap_err();

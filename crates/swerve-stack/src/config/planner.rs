@@ -20,7 +20,8 @@ pub(super) fn planner(
     let Some(named) = registry.planners.get(planning.planner.as_str()) else { return Err(Vec::new()) };
     let collision = planning.collision();
     let of = PlannerDefaults { discretisation: planning.discretisation, collision, preset: planning.preset };
-    let original = if planning.preset == Preset::Paper { original(planning, params)? } else { None };
+    let is_original = planning.preset == Preset::Paper && !named.is_foreign();
+    let original = if is_original { original(planning, params)? } else { None };
     if !planning.has_comfort(registry) {
         let planner = match original {
             Some(planner) => planner,

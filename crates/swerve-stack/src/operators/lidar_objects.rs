@@ -1,21 +1,22 @@
-//! Object detection in lidar point clouds.
+//! Object detection in lidar point clouds: a kind of operator for each detector.
 
 use anyhow::Context as _;
 use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_msg::{Detections, EgoState, PointCloud, Route};
-use swerve_perception::LidarObjects;
-use swerve_perception::lidar::{Params, Scan};
+use swerve_perception::lidar::Scan;
 
+use crate::config::planner::problem;
+use crate::detectors::NamedLidarDetector;
 use crate::kind::{Heavy, KeyProblems, Kind, Node};
 use crate::site::Site;
 
 /// Past poses kept to find the one at a sweep's stamp: up to the age of a sweep, at 100 Hz.
 const POSES: usize = 256;
 
-/// Detects objects in each sweep of a lidar, without neural networks.
-pub(super) struct Objects {
-    objects: LidarObjects,
+/// Detects objects in each sweep of a lidar.
+pub(crate) struct Objects<D> {
+    detector: D,
     ego_from_lidar: Transform<Ego, Lidar>,
     own_m: [f64; 3],
     route: Route,
@@ -23,27 +24,22 @@ pub(super) struct Objects {
 
 /// A sweep, and past poses of the ego.
 #[derive(Inputs)]
-pub(super) struct In {
+pub(crate) struct In {
     /// Points of the sweep.
     points: At<PointCloud>,
     /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
 }
 
-impl Kind for Objects {
-    const NODE: Node =
-        Node::new("lidar_objects", "boxes of cars, trucks, cyclists and people in a lidar's points")
-            .heavy(Heavy::Yes);
-    type Table = Params;
+impl<D: NamedLidarDetector> Kind for Objects<D> {
+    const NODE: Node = Node::new(D::NAME, D::DOC).heavy(Heavy::Yes);
+    type Table = D::Params;
 
-    fn problems(table: &Params) -> KeyProblems {
-        let told = table.validate().err();
-        told.map(|e| (e.key.to_string(), format!("expected {}, found {}", e.expected, e.value)))
-            .into_iter()
-            .collect()
+    fn problems(table: &D::Params) -> KeyProblems {
+        D::validate(table).err().map(problem).into_iter().collect()
     }
 
-    fn new(table: Params, site: &Site<'_>) -> anyhow::Result<Self> {
+    fn new(table: D::Params, site: &Site<'_>) -> anyhow::Result<Self> {
         let (name, config) = (site.name(), site.setup());
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
@@ -54,7 +50,7 @@ impl Kind for Objects {
         let shape = &config.sim.vehicle.shape;
         let rear_m = -shape.rear_overhang_m;
         Ok(Self {
-            objects: LidarObjects::new(table)?,
+            detector: D::with_params(table)?,
             ego_from_lidar: lidar.ego_from_lidar(shape),
             own_m: [rear_m, rear_m + shape.length_m, 0.5 * shape.width_m],
             route: site.surroundings().route.clone(),
@@ -62,7 +58,7 @@ impl Kind for Objects {
     }
 }
 
-impl Operator for Objects {
+impl<D: NamedLidarDetector> Operator for Objects<D> {
     type In = In;
     type Out = Port<Detections>;
 
@@ -75,7 +71,7 @@ impl Operator for Objects {
         let Self { ego_from_lidar, own_m, .. } = *self;
         let scan = Scan { cloud, ego_from_lidar, ego, own_m, route: Some(&self.route) };
         let mut found = Detections::default();
-        self.objects.detect(&scan, &mut found);
+        self.detector.detect(&scan, &mut found);
         out.loan().send(found);
     }
 }

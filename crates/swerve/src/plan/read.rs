@@ -49,6 +49,14 @@ impl Named<'_> {
 
 /// Configuration that names the planner of the command line, without a comfort layer.
 pub(super) fn config(args: &PlanArgs, registry: &Registry) -> anyhow::Result<Setup> {
+    let planners: Vec<&str> = registry.planners().collect();
+    ensure!(
+        planners.contains(&args.planner.as_str()),
+        "--planner: expected one of {}, found \"{}\"{}",
+        list(&planners),
+        args.planner,
+        did_you_mean(&args.planner, planners.iter().copied())
+    );
     let fineness = [Fineness::Fast, Fineness::Slow].map(Fineness::as_str);
     let name = args.discretisation.as_str();
     ensure!(

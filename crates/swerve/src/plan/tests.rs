@@ -50,6 +50,48 @@ fn every_planner_solves_its_problems_and_reports_its_cost() {
     assert!(!solutions[1].found && !solutions[1].reason.is_empty() && solutions[1].path.is_empty());
 }
 
+/// Arguments of the command for a planner of the registry.
+fn args_of(planner: &str) -> PlanArgs {
+    PlanArgs {
+        overwrite: OverwriteArgs::default(),
+        file: "detour".into(),
+        planner: planner.into(),
+        discretisation: "fast".into(),
+        set: Vec::new(),
+        preset: PresetName::Best,
+        json: false,
+        pictures: None,
+        how: PictureArgs::default(),
+        report: None,
+    }
+}
+
+#[test]
+fn planners_of_the_registry_solve_the_problems_of_roads() {
+    let file: ProblemFile = serde_json::from_str(FILE).unwrap();
+    for planner in Registry::standard().planners().filter(|name| PosedPlanner::named(name).is_none()) {
+        let config = read::config(&args_of(planner), &Registry::standard()).unwrap();
+        let posed = Posed::Named(read::on_road(&file, &config, "fast").unwrap());
+        let solutions = solve_all(&file, &posed, Preset::Best);
+        assert_eq!(solutions.len(), file.problems.fot.len());
+        let s = &solutions[0];
+        assert!(s.found && s.time_ms > 0.0 && s.length_m > 5.0 && s.length_m == s.cost, "{planner}: {s:?}");
+        assert_eq!(s.path[0], [0.0, 0.0, 0.0, 0.0], "{planner}");
+        assert!(picture::draw(&file, &posed, 0, s).svg().contains("<title>box ahead</title>"));
+        // The same start in the coordinates of the line.
+        let along = r#""frenet_ic": [0, 14, 0, 0, 0], "target_speed": 14"#;
+        let file = FILE.replace(r#""pos": [0, 0], "vel": [14, 0], "target_speed": 14"#, along);
+        let file: ProblemFile = serde_json::from_str(&file).unwrap();
+        let again =
+            &solve_all(&file, &Posed::Named(read::on_road(&file, &config, "fast").unwrap()), Preset::Best)[0];
+        assert_eq!(again.path, s.path, "{planner}");
+    }
+    let config = read::config(&args_of("waypoint"), &Registry::standard()).unwrap();
+    let without = ProblemFile::default();
+    let error = read::on_road(&without, &config, "fast").unwrap_err().to_string();
+    assert_eq!(error, "problems.fot: no problem of a road, which this planner requires");
+}
+
 #[test]
 fn pictures_show_path_and_outlines_and_escape_names() {
     for (planner, name) in
@@ -173,18 +215,7 @@ fn how_to_page_shows_the_command_output() {
     let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
     let file = read(std::path::Path::new("detour")).unwrap();
     let posed = read::select(&file, PosedPlanner::RrtStar, "fast").unwrap();
-    let args = PlanArgs {
-        overwrite: OverwriteArgs::default(),
-        file: "detour".into(),
-        planner: "rrt_star".into(),
-        discretisation: "fast".into(),
-        set: Vec::new(),
-        preset: PresetName::Best,
-        json: false,
-        pictures: None,
-        how: PictureArgs::default(),
-        report: None,
-    };
+    let args = args_of("rrt_star");
     let mut solutions = solve_all(&file, &posed, Preset::Best);
     // The times shown in the page.
     for (solution, time_ms) in solutions.iter_mut().zip([0.860, 0.706]) {

@@ -1,5 +1,9 @@
 use clap::Parser;
 use serde_json::Value;
+use swerve_core::ParamError;
+use swerve_geom::Pose2;
+use swerve_msg::{PredictedPose, Prediction, PredictionList, Track};
+use swerve_stack::{NamedPredictor, NoKeys, PredictorSetup};
 
 use super::*;
 
@@ -10,9 +14,61 @@ struct Cli {
 }
 
 fn run(dir: &Path, more: &[&str]) -> anyhow::Result<String> {
+    run_with(&Registry::standard(), dir, more)
+}
+
+fn run_with(registry: &Registry, dir: &Path, more: &[&str]) -> anyhow::Result<String> {
     let dir = dir.to_string_lossy();
     let words = ["eval", &dir, "--format", "eth_ucy"].into_iter().chain(more.iter().copied());
-    told(&Cli::try_parse_from(words)?.args, &Registry::standard())
+    told(&Cli::try_parse_from(words)?.args, registry)
+}
+
+/// Everybody goes on with the velocity of the track; without covariances.
+struct Steady;
+
+impl Predictor for Steady {
+    fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, _: Ground<'_>) -> PredictionList {
+        let of = |track: &Track| {
+            let pose = |k: i64| {
+                let after = horizon.step * k;
+                let point = track.pose.point() + track.velocity_mps * after.as_secs();
+                let pose = Pose2::new(point.x_m, point.y_m, track.pose.heading_rad);
+                PredictedPose { at: tracks.stamp + after, pose }
+            };
+            let path = (0..=horizon.steps as i64).map(pose).collect();
+            let Track { id, kind, extent, .. } = *track;
+            Prediction { id, kind, extent, probability: 1.0, path }
+        };
+        PredictionList { stamp: tracks.stamp, predictions: tracks.tracks.iter().map(of).collect() }
+    }
+}
+
+impl NamedPredictor for Steady {
+    const NAME: &'static str = "steady";
+    type Params = NoKeys;
+
+    fn defaults(_: PredictorSetup<'_>) -> NoKeys {
+        NoKeys {}
+    }
+
+    fn with_params(_: NoKeys, _: PredictorSetup<'_>) -> Result<Self, ParamError> {
+        Ok(Self)
+    }
+}
+
+#[test]
+fn predictor_without_covariances_has_distances_but_no_densities() {
+    let dir = tempfile::tempdir().unwrap();
+    recording(dir.path());
+    let registry = Registry::standard().with_predictor::<Steady>();
+    let json = run_with(&registry, dir.path(), &["--predictor", "steady", "--json"]).unwrap();
+    let report: Value = serde_json::from_str(&json).unwrap();
+    assert!((report["all"]["fde_m"].as_f64().unwrap() - 1.25).abs() < 1e-9, "{json}");
+    assert!(report["all"]["nll"].is_null() && report["all"]["coverage"].is_null(), "{json}");
+    let table = run_with(&registry, dir.path(), &["--predictor", "steady"]).unwrap();
+    assert!(table.lines().nth(1).unwrap().trim_end().ends_with('-'), "{table}");
+    let all = run_with(&registry, dir.path(), &[]).unwrap();
+    assert_eq!(all.lines().count(), 2 + PredictorName::ALL.len(), "{all}");
 }
 
 /// Two pedestrians walk straight on, one of them with a missing frame, and a third turns aside by 2.5 m at the end.
