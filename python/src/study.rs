@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use swerve_drive::trust::CodeArgs;
-use swerve_study::cells::{CellResult, CellStore, Runner};
+use swerve_study::cells::{CellStore, Runner};
+use swerve_study::result::CellResult;
 use swerve_study::{Bench, heatmap, table};
 
 use crate::background::do_in_background;

@@ -16,19 +16,19 @@ pub(crate) struct Pending {
     pub(crate) cddl: fn() -> String,
     /// The payload, or the reason why it was not made.
     made: OnceLock<Result<Made, Box<str>>>,
-    told: Bell,
+    bell: Bell,
 }
 
 impl Pending {
     pub(crate) fn of<T: Payload>(operator: Arc<str>) -> Self {
         let payload = PayloadType::of::<T>();
-        Self { operator, payload, cddl: cddl::<T>, made: OnceLock::new(), told: Bell::default() }
+        Self { operator, payload, cddl: cddl::<T>, made: OnceLock::new(), bell: Bell::default() }
     }
 
     /// Provides the payload, or the reason why there will be none; only the first call counts.
     pub(crate) fn settle(&self, made: Result<Made, Box<str>>) {
         if self.made.set(made).is_ok() {
-            self.told.ring();
+            self.bell.ring();
         }
     }
 
@@ -43,7 +43,7 @@ impl Pending {
             if let Some(made) = self.made.get() {
                 return made.as_ref().map_err(|why| &**why);
             }
-            self.told.wait_unless(|| self.is_settled());
+            self.bell.wait_unless(|| self.is_settled());
         }
     }
 }

@@ -16,20 +16,12 @@ use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics, Signal, 
 
 use crate::form::{colour, colour_of, frame_of, name_of, timestamp};
 use crate::scene::box_edges;
+use crate::setup::ImageForm;
 
 /// Near plane of overlays, metres.
 const NEAR_M: f64 = 0.1;
 /// Number of segments that approximate a straight edge under lens distortion.
 const PIECES: usize = 8;
-
-/// Encoding of colour images.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum ImageForm {
-    /// JPEG with this quality, 1 to 100.
-    Jpeg(u8),
-    /// PNG, lossless.
-    Png,
-}
 
 /// Metadata of an image.
 #[derive(Clone, Debug)]

@@ -19,13 +19,15 @@ mod own;
 mod scene;
 #[cfg(feature = "server")]
 mod server;
+mod setup;
 mod watch;
 mod words;
 
-pub use camera::{ImageForm, jpeg, logged_image};
+pub use camera::{jpeg, logged_image};
 pub use cloud::Sensor;
 pub use figures::Figures;
 pub use own::Drawing;
 #[cfg(feature = "server")]
 pub use server::{Form, Listener, Server};
-pub use watch::{Foxglove, Mount, Setup};
+pub use setup::{ImageForm, Mount, Setup};
+pub use watch::Foxglove;

@@ -14,7 +14,7 @@ use swerve_msg::{ActorId, Extent, Lanes, Plan, PredictionList, TrackList};
 use crate::form::{
     EGO, MAP, colour, colour_of, coords, frame_of, name_of, point, rotation, timestamp, upright, vector,
 };
-use crate::{Mount, Setup};
+use crate::setup::{Mount, Setup};
 
 /// Height of ground lines, metres, to avoid overlap with the ground.
 const OVER_M: f64 = 0.05;

@@ -12,14 +12,14 @@ use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
     Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, Lanes, ObstacleList, Pixels,
-    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList, TrafficLights,
+    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, TrackList, TrafficLights,
 };
-use swerve_vehicle::Shape;
 
-use crate::camera::{self, Believed, Header, ImageForm};
-use crate::cloud::{self, Motion, Sensor};
+use crate::camera::{self, Believed, Header};
+use crate::cloud::{self, Motion};
 use crate::figures::Figures;
 use crate::form::{MAP, Outbox, When, name_of, timestamp};
+use crate::setup::Setup;
 use crate::words::Line;
 use crate::{scene, words};
 
@@ -29,46 +29,6 @@ const POSE_PERIOD: Span = Span::from_ms(20);
 const ACTORS_PERIOD: Span = Span::from_ms(50);
 /// Duration for which poses and obstacles are kept, for images and points that arrive after they were measured.
 const MEMORY: Span = Span::from_ms(1000);
-
-/// Properties that are constant during a run.
-#[derive(Clone, Debug)]
-pub struct Setup {
-    /// Route of the ego.
-    pub route: Route,
-    /// Lateral offsets of the road's lines within the drivable ground, metres to the left of the route.
-    pub lines_m: Vec<f64>,
-    /// Shape of the ego.
-    pub shape: Shape,
-    /// Time from a command to its effect.
-    pub dead_time: Span,
-    /// Sensors with a mounting pose.
-    pub mounts: Vec<Mount>,
-    /// Encoding of colour images; `None` omits images and point clouds.
-    pub images: Option<ImageForm>,
-    /// True to publish depth and class images too, uncompressed.
-    pub raw_images: bool,
-    /// Detectors of boxes in images, and their cameras.
-    pub detectors: Vec<(String, String)>,
-    /// Names of the actors in the order of their identities, which start at 1; empty if unknown.
-    pub actors: Arc<[String]>,
-    /// True to take the ego's pose from localization, for runs without ground truth.
-    pub ego_from_pose: bool,
-}
-
-/// Mounting pose of a sensor.
-#[derive(Clone, Debug)]
-pub struct Mount {
-    pub(crate) name: String,
-    pub(crate) ego_from_sensor: Transform<Ego, Sensor>,
-}
-
-impl Mount {
-    /// Mounting pose of a sensor, given by its operator's name; its messages are in its own axes.
-    pub fn new<F>(name: &str, ego_from_sensor: Transform<Ego, F>) -> Self {
-        let ego_from_sensor = Transform::new(ego_from_sensor.origin(), ego_from_sensor.rotation());
-        Self { name: name.into(), ego_from_sensor }
-    }
-}
 
 /// Observer of a run that publishes its messages as views.
 pub struct Foxglove {

@@ -20,6 +20,7 @@
 //! No other crate depends on iceoryx2.
 
 mod error;
+mod event;
 mod folder;
 mod leftovers;
 mod lend;
@@ -30,8 +31,9 @@ mod waker;
 mod worker;
 
 pub use error::IpcError;
+pub use event::{LATE_S, OnWorkerEvent, WorkerEvent};
 pub use leftovers::dead_runs;
 pub use link::{Traffic, kill_workers};
-pub use pool::{LATE_S, OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
+pub use pool::{OnLoss, WorkerPool, WorkerSpec};
 pub use service::writable;
 pub use worker::{WorkerSetup, work};

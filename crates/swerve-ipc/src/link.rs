@@ -15,10 +15,11 @@ use serde::Serialize;
 use swerve_flow::{Answered, Call, Lost, RemoteExecutor};
 use swerve_msg::block::writing;
 
+use crate::IpcError;
+use crate::event::{OnWorkerEvent, WorkerEvent};
 use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::waker::{Listener, Signal as Heard, Timeout, Waker};
-use crate::{IpcError, OnWorkerEvent, WorkerEvent};
 
 /// Maximum sleep of a process that waits for the other end; every event wakes it earlier.
 pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use swerve_flow::RemoteExecutor;
 use swerve_msg::block::Memory;
 
+use crate::event::{LATE_S, OnWorkerEvent, WorkerEvent};
 use crate::folder::RunFolder;
 use crate::lend::{Lender, Live, StreamMemory};
 use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Waits, Watched, now};
@@ -53,31 +54,6 @@ pub struct WorkerSpec {
     /// Command that ends in [`work`](crate::work); it receives its [`WorkerSetup`] through standard input.
     pub command: Box<dyn Fn() -> Command + Send>,
 }
-
-/// Change in the state of a worker.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum WorkerEvent {
-    /// The worker has ended, or could not be restarted.
-    Gone {
-        /// Name of the worker process.
-        process: String,
-        /// Exit status, or the reason why it was killed or not restarted.
-        why: String,
-    },
-    /// The worker was restarted and is not ready after [`LATE_S`] seconds.
-    Late {
-        /// Name of the worker process.
-        process: String,
-    },
-    /// The worker was restarted and is ready.
-    Restarted {
-        /// Name of the worker process.
-        process: String,
-    },
-}
-
-/// Callback for worker events.
-pub type OnWorkerEvent = Arc<dyn Fn(WorkerEvent) + Send + Sync>;
 
 /// Worker processes of a run, and all files of the run on the machine. Ended and removed on drop.
 pub struct WorkerPool {
@@ -354,9 +330,6 @@ impl Watch {
         self.shared.ending.load(Ordering::SeqCst)
     }
 }
-
-/// Time after which a restarted worker that is not ready is reported, seconds.
-pub const LATE_S: i64 = 1;
 
 /// Maximum time for a worker to read its setup.
 const SETUP_WITHIN: Duration = Duration::from_secs(10);

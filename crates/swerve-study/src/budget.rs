@@ -4,8 +4,8 @@ use swerve_drive::drive;
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 
-use super::cells::CellResult;
 use super::grid::{Budget, Cell};
+use super::result::CellResult;
 
 /// Finds the latency budget of one cell; `None` for a run that fails without added latency.
 pub(super) fn largest_latency(

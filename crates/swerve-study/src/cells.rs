@@ -1,11 +1,9 @@
 //! Execution of a study's cells: parallel and resumable; each result is stored as soon as it is available.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::Context as _;
-use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
 use swerve_drive::Outcome;
 use swerve_report::files::{CELLS, refuse_irregular};
@@ -14,62 +12,8 @@ use swerve_scenario::Expectation;
 use swerve_text::{FILE_MAX, read_string};
 
 use super::grid::{Cell, Study};
+use super::result::{AS_EXPECTED, CellResult, NOT_AS_EXPECTED};
 use super::table;
-use super::timely::Reading;
-
-/// Keys in `metrics.json` and `cells.csv` for whether a drive met its scenario's expectations, and for the unmet ones.
-const AS_EXPECTED: &str = "as_expected";
-const NOT_AS_EXPECTED: &str = "not_as_expected";
-
-/// Result of one cell.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct CellResult {
-    /// Labels of the cell in the table, one per axis.
-    pub labels: Vec<String>,
-    /// Verdict of the run.
-    pub verdict: String,
-    /// True if nothing was hit.
-    #[serde(default)]
-    pub no_collision: bool,
-    /// True if no part of the ego left the drivable area.
-    #[serde(default)]
-    pub on_road: bool,
-    /// Smallest distance to another actor, m.
-    pub min_distance_m: Option<f64>,
-    /// Ego speed at the first impact, m/s.
-    pub impact_speed_mps: Option<f64>,
-    /// Largest raw lateral jerk, m/s³.
-    pub lateral_jerk_max: Option<f64>,
-    /// Digest of the run.
-    pub digest: Option<Digest>,
-    /// Median response time, ms.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub response_p50_ms: Option<f64>,
-    /// 99th percentile of the response time, ms.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub response_p99_ms: Option<f64>,
-    /// Missed deadlines, over all operators.
-    #[serde(default)]
-    pub misses: u64,
-    /// All other numeric metrics of the run, by their names in `metrics.json`; missing ones are absent.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub figures: BTreeMap<String, f64>,
-    /// Text and boolean metrics of the run, by their names in `metrics.json`; missing ones are absent.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub texts: BTreeMap<String, String>,
-    /// Largest added latency at which the run still ends well, ms; only in latency-budget studies.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub budget_ms: Option<f64>,
-    /// Curve of the study, if it has one.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub curve: Vec<f64>,
-    /// Readings of a timely study.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub timely: Vec<Reading>,
-    /// Error message, if the run itself failed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub error: Option<String>,
-}
 
 impl CellResult {
     /// Result of a drive, compared with its scenario's expectations.
@@ -95,44 +39,6 @@ impl CellResult {
             texts,
             ..Self::blank(cell, metrics.verdict.name())
         }
-    }
-
-    /// True if the drive met its scenario's expectations; `None` if it has none.
-    pub fn as_expected(&self) -> Option<bool> {
-        self.texts.get(AS_EXPECTED).map(|told| told == "true")
-    }
-
-    /// Unmet expectations.
-    pub(crate) fn not_as_expected(&self) -> &str {
-        self.texts.get(NOT_AS_EXPECTED).map_or("", String::as_str)
-    }
-
-    /// Result without metrics.
-    pub fn blank(cell: &Cell, verdict: &str) -> Self {
-        Self {
-            labels: cell.labels.clone(),
-            verdict: verdict.into(),
-            no_collision: false,
-            on_road: false,
-            min_distance_m: None,
-            impact_speed_mps: None,
-            lateral_jerk_max: None,
-            digest: None,
-            response_p50_ms: None,
-            response_p99_ms: None,
-            misses: 0,
-            figures: BTreeMap::new(),
-            texts: BTreeMap::new(),
-            budget_ms: None,
-            curve: Vec::new(),
-            timely: Vec::new(),
-            error: None,
-        }
-    }
-
-    /// True if the run ended without collision and on the road.
-    pub fn avoided(&self) -> bool {
-        matches!(self.verdict.as_str(), "avoided" | "completed")
     }
 }
 

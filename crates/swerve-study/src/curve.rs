@@ -1,7 +1,5 @@
 //! Time curves of a study: for every combination the median over its seeds, with quartiles.
 
-use schemars::JsonSchema;
-use serde::Deserialize;
 use swerve_core::{Span, Time};
 use swerve_draw::color::{Look, looks_repeat, series as look_of};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, names_beside};
@@ -13,17 +11,9 @@ use swerve_report::output::align;
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 
-use super::cells::CellResult;
 use super::grid::Study;
-
-/// A quantity over time.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Curve {
-    /// Difference quotient of the lateral acceleration at the centre of gravity over 50 ms, m/s³, as logged by Pylot:
-    /// from the start to the first contact.
-    LateralJerk,
-}
+use super::result::CellResult;
+use super::tables::Curve;
 
 /// Sampling interval: Pylot's sensors run at 20 Hz.
 const EVERY: Span = Span::from_ms(50);

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::cells::CellResult;
 use super::grid::{Cell, Study};
+use super::result::CellResult;
 
 /// Key by which a study varies the planner.
 const PLANNER: &str = "planning.planner";

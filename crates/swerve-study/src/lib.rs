@@ -15,6 +15,7 @@ mod limit;
 pub mod cells;
 mod chance;
 mod cluster;
+mod csv;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
@@ -22,8 +23,10 @@ mod merge;
 pub mod page;
 pub mod ranking;
 pub mod report;
+pub mod result;
 pub mod suite;
 pub mod table;
+pub mod tables;
 pub mod timely;
 mod timely_prediction;
 
@@ -53,10 +56,11 @@ use swerve_text::{Problem, Problems};
 
 use consent::{Bases, StudyConsent};
 
-use cells::{CellResult, CellStore, Runner, Shard};
+use cells::{CellStore, Runner, Shard};
 use cluster::{Cluster, Job};
 use folder::OutArgs;
 use grid::{Cell, Study};
+use result::CellResult;
 
 /// `swerve study`.
 #[derive(clap::Args, Debug)]

@@ -19,8 +19,8 @@ use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::{controller, drawn};
 
-use super::cells::CellResult;
 use super::grid::{Budget, Cell};
+use super::result::CellResult;
 
 /// Run-up before first sight, seconds; it is never before the start of the run.
 const RUN_UP_S: f64 = 2.0;

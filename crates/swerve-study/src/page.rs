@@ -3,8 +3,8 @@
 use serde::Serialize;
 use swerve_report::page::Page;
 
-use super::cells::CellResult;
 use super::grid::Study;
+use super::result::CellResult;
 use super::table::Columns;
 
 /// Data of a study's page. Numbers have at most four decimals.

@@ -3,42 +3,14 @@
 use std::cmp::Ordering;
 use std::fmt::Write as _;
 
-use serde::Deserialize;
 use swerve_eval::median;
 use swerve_report::output::align;
-use swerve_text::{Document, Problems, list};
 
-use super::cells::CellResult;
 use super::chance::{fisher, interval, wilson};
-use super::grid::{Study, no_axis};
-use super::table::field;
-
-/// Ranking of settings in a study.
-#[derive(Clone, PartialEq, Debug, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Ranking {
-    /// Axes whose combinations are settings; all others are pooled.
-    pub settings: Vec<String>,
-    /// One of these axes: the best setting of each of its values is reported, and compared with the best of the others.
-    pub best_of: Option<String>,
-}
-
-impl Ranking {
-    /// Checks the ranking against the names of the axes.
-    pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
-        if self.settings.is_empty() {
-            problems.push(document.problem("ranking.settings", "expected at least one axis"));
-        }
-        for name in self.settings.iter().filter(|name| !axes.contains(name)) {
-            problems.push(document.problem("ranking.settings", no_axis(name, axes)));
-        }
-        if let Some(name) = self.best_of.as_ref().filter(|name| !self.settings.contains(name)) {
-            let settings: Vec<&str> = self.settings.iter().map(String::as_str).collect();
-            let message = format!("`{name}` is not one of `settings`; expected one of {}", list(&settings));
-            problems.push(document.problem("ranking.best_of", message));
-        }
-    }
-}
+use super::csv::field;
+use super::grid::Study;
+use super::result::CellResult;
+use super::tables::Ranking;
 
 /// Results of one setting, pooled over all its cells.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -208,6 +180,8 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+
+    use swerve_text::Problems;
 
     use super::*;
 

@@ -17,10 +17,10 @@ use swerve_report::output::print;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problem};
 
-use crate::cells::CellResult;
 use crate::chance::interval;
 use crate::folder::OutArgs;
 use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
+use crate::result::CellResult;
 use crate::{Bench, How, finish};
 
 /// `swerve suite`.

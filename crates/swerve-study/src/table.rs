@@ -6,10 +6,11 @@ use serde_json::Value;
 use swerve_eval::Metrics;
 use swerve_report::output::align;
 
-use super::cells::CellResult;
 use super::chance::interval;
+use super::csv::field;
 use super::grid::{LIMIT, SCENARIO, Study};
 use super::layer::{self, Plans};
+use super::result::CellResult;
 
 /// First columns after a cell's labels, for drives and for latency budgets.
 const DRIVE: [&str; 10] = [
@@ -161,15 +162,6 @@ pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
 fn number(x: Option<f64>) -> String {
     let text = |x: f64| if x.fract() == 0.0 { format!("{:.0}", x + 0.0) } else { format!("{x:.4}") };
     x.map_or_else(String::new, text)
-}
-
-pub(super) fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { quoted(text) } else { text.to_owned() }
-}
-
-/// CSV text in quotes.
-pub(super) fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 /// Study in two dimensions: seeds are pooled, the last other axis is in columns, the rest in rows.

@@ -10,95 +10,19 @@ mod errors;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::Deserialize;
-use swerve_measure::evaluate::prediction::{Format, file, on_lanes};
+use swerve_measure::evaluate::prediction::{file, on_lanes};
 use swerve_prediction::PredictorName;
 use swerve_prediction::recorded::{Recording, made};
 use swerve_report::files::entries;
 use swerve_report::output::align;
-use swerve_text::{Document, Problems};
 
-use super::table::quoted;
+use super::csv::quoted;
+use super::tables::{MadeSet, RunTimes, TimelyPrediction, TrackSet};
 use errors::{Errors, Foreteller};
-
-/// `[timely_prediction]` of a study file.
-#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TimelyPrediction {
-    /// Predictors to compare: all others with the first one at zero latency. The picture distinguishes the first eight.
-    pub predictors: Vec<PredictorName>,
-    /// Time for which `truth` knows the future, seconds; it continues straight on after that.
-    #[serde(default = "TimelyPrediction::truth_s")]
-    pub truth_s: f64,
-    /// Latencies in the tables, ms.
-    #[serde(default = "TimelyPrediction::latencies_ms")]
-    pub latencies_ms: Vec<u32>,
-    /// Maximum prediction horizon in the tables, seconds: integers from 0 up to this.
-    #[serde(default = "TimelyPrediction::horizon_s")]
-    pub horizon_s: u32,
-    /// Sets of tracks.
-    pub set: Vec<TrackSet>,
-    /// Run times of the predictors, at which they are also compared.
-    #[serde(default)]
-    pub run_time: Vec<RunTimes>,
-}
-
-/// Set of tracks, and its evaluation.
-#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrackSet {
-    /// Name in tables.
-    pub name: String,
-    /// Recordings in a folder; if the folder is missing, the set is left out and the result states it.
-    pub recorded: Option<RecordedSet>,
-    /// Generated recordings of a crossing, one minute each.
-    pub made: Option<MadeSet>,
-    /// Observed steps, up to the present.
-    #[serde(default = "TrackSet::observe")]
-    pub observe: usize,
-    /// Interval between evaluated instants, in steps of the recording.
-    #[serde(default = "TrackSet::every")]
-    pub every: usize,
-}
-
-/// Recordings in a folder.
-#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RecordedSet {
-    /// Format of the recordings.
-    pub format: Format,
-    /// Folder, relative to the study's.
-    pub folder: PathBuf,
-    /// Names of the files.
-    pub files: Vec<String>,
-}
-
-/// Generated recordings of one minute each, with cars following the intelligent driver model and pedestrians using
-/// reciprocal collision avoidance.
-#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct MadeSet {
-    /// First and last seed.
-    pub seeds: [u64; 2],
-    /// Number of pedestrians at the same time.
-    pub people: usize,
-}
-
-/// Run times of predictors.
-#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RunTimes {
-    /// Source of the run times.
-    pub name: String,
-    /// Run times by predictor, ms: one for every horizon, or one for each integer second ahead, from 1 on.
-    pub ms: BTreeMap<PredictorName, Vec<f64>>,
-}
 
 impl RunTimes {
     /// Run time of a predictor for this many seconds ahead, from 1 on, ms; `None` if not given.
@@ -108,67 +32,7 @@ impl RunTimes {
     }
 }
 
-/// Maximum latency, ms; run times in a study are not longer.
-const LATENCY_MAX_MS: u32 = 2000;
-
 impl TimelyPrediction {
-    fn truth_s() -> f64 {
-        1.0
-    }
-
-    fn latencies_ms() -> Vec<u32> {
-        vec![0, 20, 50, 100, 200, 500]
-    }
-
-    fn horizon_s() -> u32 {
-        5
-    }
-
-    /// Checks the table.
-    pub(super) fn check(&self, document: &Document, problems: &mut Problems) {
-        let mut ensure = |holds: bool, key: String, expected: &str| {
-            if !holds {
-                problems.push(document.problem(&format!("timely_prediction.{key}"), expected));
-            }
-        };
-        let mut once = self.predictors.clone();
-        once.sort();
-        once.dedup();
-        ensure(self.predictors.len() > 1, "predictors".into(), "expected two or more to compare");
-        ensure(once.len() == self.predictors.len(), "predictors".into(), "expected each once");
-        ensure((0.0..=60.0).contains(&self.truth_s), "truth_s".into(), "expected 0 to 60");
-        let rise = self.latencies_ms.windows(2).all(|pair| pair[0] < pair[1]);
-        let fit = self.latencies_ms.last().is_some_and(|last| *last <= LATENCY_MAX_MS);
-        ensure(rise && fit, "latencies_ms".into(), "expected rising whole numbers from 0 to 2000");
-        ensure((1..=20).contains(&self.horizon_s), "horizon_s".into(), "expected 1 to 20");
-        ensure(!self.set.is_empty(), "set".into(), "expected at least one set of tracks");
-        for (k, set) in self.set.iter().enumerate() {
-            let key = |key: &str| format!("set[{k}].{key}");
-            ensure(
-                set.recorded.is_some() != set.made.is_some(),
-                key("name"),
-                "expected `recorded` or `made`",
-            );
-            ensure((2..=1000).contains(&set.observe), key("observe"), "expected 2 to 1000");
-            ensure((1..=1000).contains(&set.every), key("every"), "expected 1 to 1000");
-            if let Some(made) = &set.made {
-                let [first, last] = made.seeds;
-                let some = first <= last && last - first < 1000;
-                ensure(some, key("made.seeds"), "expected the first and the last of at most 1000");
-                ensure(made.people <= 200, key("made.people"), "expected at most 200");
-            }
-        }
-        for (k, times) in self.run_time.iter().enumerate() {
-            let most = f64::from(LATENCY_MAX_MS);
-            let fits = |ms: &Vec<f64>| {
-                (ms.len() == 1 || ms.len() == self.horizon_s as usize)
-                    && ms.iter().all(|ms| (0.0..=most).contains(ms))
-            };
-            let expected = "expected 0 to 2000, once or for each second of `horizon_s`";
-            ensure(times.ms.values().all(fits), format!("run_time[{k}].ms"), expected);
-        }
-    }
-
     /// Evaluates the predictors on every available set; `folder` is the study's.
     ///
     /// # Errors
@@ -214,14 +78,6 @@ impl TimelyPrediction {
 }
 
 impl TrackSet {
-    fn observe() -> usize {
-        8
-    }
-
-    fn every() -> usize {
-        1
-    }
-
     /// Reads or generates the recordings; `None` if the folder is missing.
     fn recordings(&self, folder: &Path) -> anyhow::Result<Option<Vec<Recording>>> {
         if let Some(MadeSet { seeds: [first, last], people }) = self.made {

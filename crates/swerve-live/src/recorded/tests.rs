@@ -1,5 +1,6 @@
 //! Tests of recorded drives with damaged messages.
 
+use swerve_stack::Setup;
 use swerve_core::Rng;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::samples::sample;

@@ -54,6 +54,7 @@ fn replaced<'a>(graph: &GraphInfo, operator: &'a OperatorInfo, payload: &str) ->
 
 #[cfg(test)]
 mod tests {
+    use swerve_stack::Setup;
     use swerve_msg::{EgoState, Gnss};
 
     use swerve_stack::config::Config;

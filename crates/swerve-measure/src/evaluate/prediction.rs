@@ -65,7 +65,7 @@ pub(super) struct PredictionArgs {
     json: bool,
 }
 
-/// Format of recorded tracks.
+#[expect(missing_docs, reason = "in help and schemas the keys that take it describe it")]
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum, Deserialize, JsonSchema)]
 #[value(rename_all = "snake_case")]
 #[serde(rename_all = "snake_case")]

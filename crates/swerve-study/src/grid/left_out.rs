@@ -2,7 +2,8 @@
 
 use swerve_text::{Document, Problems};
 
-use super::{LeaveOut, Step, no_axis};
+use super::file::{LeaveOut, Step};
+use crate::tables::no_axis;
 
 /// True if a combination, one label per axis, is not driven.
 pub(super) fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {

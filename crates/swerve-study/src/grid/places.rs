@@ -1,12 +1,12 @@
 //! Locations in a study file, for error messages.
 
 use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use swerve_drive::shipped::Kind;
-use swerve_text::{Document, Problem, is_within, list};
+use swerve_text::{Document, Problem, is_within};
 
-use super::{SCENARIO, Step, StudyFile, flatten};
+use super::file::{SCENARIO, Step, StudyFile, beside, flatten};
 
 /// Lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -61,24 +61,6 @@ pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTr
     named.into_iter().rev().filter_map(place).collect()
 }
 
-/// `path` relative to `folder`, without detours to the same file (`configs/../scenarios`); or the name of a built-in
-/// file.
-pub(super) fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
-    let joined = folder.join(path);
-    let mut short = PathBuf::new();
-    for part in joined.components() {
-        match (part, short.components().next_back()) {
-            (Component::ParentDir, Some(Component::Normal(_))) => {
-                short.pop();
-            }
-            _ => short.push(part),
-        }
-    }
-    // Through a symbolic link, `a/..` may be elsewhere.
-    let same = joined.canonicalize().ok() == short.canonicalize().ok();
-    kind.meant(path, if same { short } else { joined })
-}
-
 /// Problem of an assignment from outside to a key that the axis sets in every cell, or to a key within it.
 pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
     let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
@@ -89,15 +71,4 @@ pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &
         key: key.clone(),
         message: format!("the axis `{axis}` of the study varies it"),
     })
-}
-
-/// Error message for an unknown axis.
-pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
-    let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
-    let expected = if axes.is_empty() {
-        "the study has none".into()
-    } else {
-        format!("expected one of {}", list(&axes))
-    };
-    format!("no axis of the name `{name}`; {expected}")
 }

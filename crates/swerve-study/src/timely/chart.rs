@@ -6,11 +6,11 @@ use swerve_draw::color::{Look, looks_repeat, series};
 use swerve_draw::{At, Axes, Canvas, Picture, Style, Text, names_beside, number};
 use swerve_report::output::align;
 
-use super::Timely;
-use crate::cells::CellResult;
+use crate::csv::quoted;
 use crate::curve::quartiles;
 use crate::grid::Study;
-use crate::table::quoted;
+use crate::result::CellResult;
+use crate::tables::Timely;
 
 /// Line in the picture: one combination of the axes, under one measure.
 struct Line {

@@ -1,5 +1,6 @@
 //! Ride at a given speed along a straight road between pedestrians, and its perception.
 
+use swerve_stack::config::Config;
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, anyhow, bail, ensure};
@@ -23,11 +24,11 @@ use swerve_stack::config::camera_detectors::{self, CameraObjectsTable};
 use swerve_stack::config::perception::image_camera;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_stack::{ObstacleSight, span_of_ms};
-use swerve_text::in_one_line;
+use swerve_text::{in_one_line, number};
 use swerve_vision::Rgb;
 use swerve_vision::segmentation::Segmenter;
 
-use super::{Measure, Timely, speed_mps};
+use crate::tables::{Measure, Timely};
 
 /// Walking speed: that of Pylot's `ManyPedestrians`.
 const WALK_MPS: f64 = 1.4;
@@ -384,4 +385,11 @@ fn wanted(
         Some(((u64::from(obstacle.id.0), truth.image_px?), counts))
     };
     seen.obstacles.iter().filter(|o| o.kind == ActorKind::Pedestrian).filter_map(one).collect()
+}
+
+/// Speed imposed on the ego, m/s.
+fn speed_mps(config: &Config, scenario: &Scenario) -> anyhow::Result<f64> {
+    let speed_mps = config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps);
+    ensure!(speed_mps > 0.0, "ego.speed_mps: expected a speed above 0, found {}", number(speed_mps));
+    Ok(speed_mps)
 }

@@ -3,7 +3,15 @@
 use swerve_eval::{AveragePrecision, Confusion, Found, Recalls, TrackingFrame, TrackingMetrics, image_iou};
 
 use super::ride::{Boxed, Sight};
-use super::{Anchor, Measure, Reading};
+use crate::result::Reading;
+use crate::tables::Measure;
+
+/// Selection of the frames that are compared.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Anchor {
+    Start,
+    End,
+}
 
 /// Upper bound of Cityscapes ids; 0 is unknown and not a class.
 const CLASSES: u8 = 34;

@@ -6,7 +6,7 @@ use swerve_msg::{ForecastList, Track};
 use swerve_prediction::recorded::{Protocol, Recording, Scene, Window};
 use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foretold};
 
-use super::TimelyPrediction;
+use crate::tables::TimelyPrediction;
 
 /// Spacing of the instants at which errors are recorded, seconds.
 const GRID_S: f64 = 0.01;

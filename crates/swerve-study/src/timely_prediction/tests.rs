@@ -1,6 +1,8 @@
+use serde::Deserialize;
 use swerve_geom::Point2;
 use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_prediction::recorded::RecordedTrack;
+use swerve_text::{Document, Problems};
 
 use super::*;
 

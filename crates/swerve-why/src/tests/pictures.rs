@@ -184,7 +184,7 @@ fn labels_do_not_overlap_or_leave_the_picture_in_any_scenario() {
         for step in steps.filter(|step| step.what != Milestone::End) {
             let named = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
             let is_told = labels.iter().any(|l| l.text.contains(&named) || l.text.ends_with("before this"));
-            assert!(is_told, "{}: {named} is not told: {labels:?}", file.display());
+            assert!(is_told, "{}: {named} has no label: {labels:?}", file.display());
         }
         let tracks = diamonds(&svg);
         for label in labels.iter().filter(|label| is_time(label)) {
@@ -200,7 +200,7 @@ fn labels_do_not_overlap_or_leave_the_picture_in_any_scenario() {
             let said = format!("to {} ", hero.name);
             let hit = format!("with {} ", hero.name);
             let is_told = labels.iter().any(|l| l.text.contains(&said) || l.text.contains(&hit));
-            assert!(is_told, "{}: {} is not told", file.display(), hero.name);
+            assert!(is_told, "{}: {} has no label", file.display(), hero.name);
         }
     }
 }
