@@ -274,11 +274,11 @@ mod tests {
     use swerve_ros2::bridge::TopicStatistics;
     use swerve_ros2::mapping::{Role, Vehicle};
     use swerve_ros2::{AnyMessage, Kind};
+    use swerve_stack::Setup;
 
     use super::super::vehicle::{self, Facts};
     use super::super::wire::Taken;
     use super::*;
-    use swerve_stack::config::Config;
 
     /// A wire to a stationary car that loses the first release messages.
     struct Lossy {
@@ -325,7 +325,7 @@ mod tests {
         let clock = HostClock::start();
         let sink = Sink {
             wire: &wire,
-            interface: vehicle::interface(Vehicle::Autoware, &Config::default()),
+            interface: vehicle::interface(Vehicle::Autoware, &Setup::default()),
             car,
             clock,
             epoch: Epoch { ns: clock.epoch_ns() },

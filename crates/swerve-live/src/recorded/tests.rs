@@ -1,10 +1,9 @@
 //! Tests of recorded drives with damaged messages.
 
-use swerve_stack::Setup;
 use swerve_core::Rng;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::samples::sample;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_text::Document;
 
 use super::*;

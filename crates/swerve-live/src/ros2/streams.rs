@@ -54,10 +54,9 @@ fn replaced<'a>(graph: &GraphInfo, operator: &'a OperatorInfo, payload: &str) ->
 
 #[cfg(test)]
 mod tests {
-    use swerve_stack::Setup;
     use swerve_msg::{EgoState, Gnss};
+    use swerve_stack::Setup;
 
-    use swerve_stack::config::Config;
     use swerve_stack::pipeline::Pipeline;
     use swerve_text::Document;
 

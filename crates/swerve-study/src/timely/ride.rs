@@ -1,7 +1,7 @@
 //! Ride at a given speed along a straight road between pedestrians, and its perception.
 
-use swerve_stack::config::Config;
 use std::collections::BTreeMap;
+use swerve_stack::config::Config;
 
 use anyhow::{Context as _, anyhow, bail, ensure};
 use swerve_camera::{Camera, Frame, Outputs, Renderer, View};
