@@ -19,9 +19,11 @@ struct Meeting {
 }
 
 impl Meeting {
-    /// Distance over which an ego at this speed moves over, metres.
-    fn length_m(&self, speed_mps: f64) -> f64 {
-        (speed_mps * MOVES_OVER_S.min(self.at_s)).max(MOVES_OVER_M)
+    /// Distances over which an ego at this speed may move over, metres: to have moved when they draw level, and a
+    /// gentler one.
+    fn lengths_m(&self, speed_mps: f64) -> [f64; 2] {
+        let in_time_m = speed_mps * MOVES_OVER_S.min(self.at_s);
+        MOVES_OVER_M.map(|least_m| in_time_m.max(least_m))
     }
 }
 
@@ -39,13 +41,15 @@ impl Comfort {
         let brake_max_mps2 = request.limits.brake_max_mps2 * closeness.max(LEAST_BRAKE_SHARE);
         let slower_mps = SLOWEST_SHARE * request.target_speed_mps;
         let wanted_m = self.params.clearance_m;
+        let lengths_m = meeting.lengths_m(request.start.speed_mps.max(0.0));
         let mut meets = |clearance_m: f64| {
-            // In a long move the corners swing further.
-            ROOM_SHARES.into_iter().find_map(|share| {
-                let room_m = share * self.room_m(scene);
-                let speeds = (brake_max_mps2, slower_mps);
-                let points = self.to_the_right(scene, (&meeting, room_m), steers_out, speeds);
-                self.checked(scene, points, clearance_m)
+            lengths_m.into_iter().find_map(|length_m| {
+                // In a long move the corners swing further.
+                ROOM_SHARES.into_iter().find_map(|share| {
+                    let way = (&meeting, share * self.room_m(scene), length_m);
+                    let points = self.to_the_right(scene, way, steers_out, (brake_max_mps2, slower_mps));
+                    self.checked(scene, points, clearance_m)
+                })
             })
         };
         if let Some(plan) = meets(wanted_m) {
@@ -64,9 +68,10 @@ impl Comfort {
             return None;
         }
         let v = request.start.speed_mps.max(0.0);
-        let brake_mps2 = (v * v / (2.0 * meeting.length_m(v))).min(scene.vehicle.brake_max_mps2);
-        let room_m = self.room_m(scene);
-        let points = self.to_the_right(scene, (meeting, room_m), false, (brake_mps2, 0.0));
+        let [_, length_m] = meeting.lengths_m(v);
+        let brake_mps2 = (v * v / (2.0 * length_m)).min(scene.vehicle.brake_max_mps2);
+        let way = (meeting, self.room_m(scene), length_m);
+        let points = self.to_the_right(scene, way, false, (brake_mps2, 0.0));
         let poses: Vec<_> = points.iter().map(|p| (p.pose, p.at)).collect();
         let plan = Plan { stamp: request.stamp, points, ..Plan::default() };
         self.gentle.keeps_road(request, &poses).then_some(plan)
@@ -83,7 +88,7 @@ impl Comfort {
     fn to_the_right(
         &self,
         scene: &Scene<'_>,
-        (meeting, room_m): (&Meeting, f64),
+        (meeting, room_m, length_m): (&Meeting, f64, f64),
         steers_out: bool,
         (brake_max_mps2, target_speed_mps): (f64, f64),
     ) -> Vec<PlanPoint> {
@@ -91,10 +96,10 @@ impl Comfort {
         let limits = Limits { brake_max_mps2, ..*request.limits };
         let slow = Request { target_speed_mps, limits: &limits, ..*request };
         let slow = Scene { request: &slow, ..*scene };
-        let led = self.led(&slow, steers_out, |_| true);
+        // Whoever comes is met, not stopped for.
+        let led = self.led(&slow, steers_out, |one| one.motion(0.0).0 > -COMES_MPS);
         let profile = if led.steps.is_empty() { self.profile(&slow, Vec::new()) } else { led };
         let to_m = -(CLOSE_M - meeting.beside_m).min(room_m).max(0.0);
-        let length_m = meeting.length_m(request.start.speed_mps.max(0.0));
         let way = Aside { to_m, length_m };
         aside(self.gentle.line(), &place, &request.start, &profile.steps, (request.shape, way))
     }
@@ -140,6 +145,6 @@ const NEAR_M: f64 = 2.0;
 const LEAST_BRAKE_SHARE: f64 = 0.4;
 const SLOWEST_SHARE: f64 = 0.4;
 
-/// Duration of moving over, seconds, and its smallest length, metres.
+/// Duration of moving over, seconds, and its smallest lengths, metres.
 const MOVES_OVER_S: f64 = 2.0;
-const MOVES_OVER_M: f64 = 10.0;
+const MOVES_OVER_M: [f64; 2] = [5.0, 10.0];
