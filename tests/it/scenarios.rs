@@ -83,6 +83,22 @@ fn other_seeds_give_the_same_result() {
 }
 
 #[test]
+fn search_planners_avoid_the_person_behind_the_truck_at_18_mps() {
+    let scenario = read_scenario(&crate::common::scenario_file("person_behind_truck")).unwrap();
+    for planner in ["rrt_star", "hybrid_astar"] {
+        // Those that were hit, and one more.
+        for seed in [1, 3, 5, 6] {
+            let sets = ["planning.discretisation=fast", "ego.speed_mps=18"].map(str::to_owned);
+            let sets = [&sets[..], &[format!("planning.planner={planner}"), format!("seed={seed}")]].concat();
+            let config = config(&sets.iter().map(String::as_str).collect::<Vec<_>>());
+            let metrics = drive(&config, &scenario).unwrap().metrics;
+            let broken = (metrics.impact, metrics.left_road_at_s);
+            assert_eq!(broken, (None, None), "{planner}, seed {seed}");
+        }
+    }
+}
+
+#[test]
 fn presets_slow_for_people_who_stop_in_the_lane() {
     for name in ["people_crossing", "person_crossing"] {
         let scenario = read_scenario(&crate::common::scenario_file(name)).unwrap();

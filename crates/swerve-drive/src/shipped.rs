@@ -71,6 +71,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/everyday/narrow_gap.toml"
     "scenarios/everyday/obstacle_lane_free.toml"
     "scenarios/everyday/obstacle_oncoming_car.toml"
+    "scenarios/everyday/oncoming_beside_shoulder.toml"
     "scenarios/everyday/oncoming_over_the_line.toml"
     "scenarios/everyday/parked_at_the_edge.toml"
     "scenarios/everyday/pass_given_up.toml"

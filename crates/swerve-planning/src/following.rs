@@ -211,9 +211,7 @@ impl Follower<'_> {
         for k in 0..=count {
             let (wanted_mps2, is_led, hard) = self.wanted(&now, k as f64 * STEP_S);
             profile.is_led |= is_led;
-            // A deceleration beyond comfort is released as fast as it is built up.
-            let eases = now.accel_mps2 < -self.accel.brake_mps2;
-            let jerk_mps3 = if hard || eases { HARD_JERK_MPS3 } else { JERK_MPS3 };
+            let jerk_mps3 = if hard { HARD_JERK_MPS3 } else { JERK_MPS3 };
             let next_mps2 =
                 wanted_mps2.clamp(now.accel_mps2 - jerk_mps3 * STEP_S, now.accel_mps2 + jerk_mps3 * STEP_S);
             let next_mps = (now.speed_mps + 0.5 * (now.accel_mps2 + next_mps2) * STEP_S).max(0.0);
