@@ -153,7 +153,14 @@ fn bill(into: &Path) -> Option<String> {
 /// Name and version of the packages that cargo would build for the program, as listed by `cargo tree`.
 fn built() -> BTreeSet<(String, String)> {
     let mut call = Command::new(env!("CARGO"));
-    call.args(["tree", "--locked", "--offline", "--package=swerve", "--edges=normal,build"]);
+    call.args([
+        "tree",
+        "--locked",
+        "--offline",
+        "--package=swerve",
+        "--features=full",
+        "--edges=normal,build",
+    ]);
     let output = call.args(["--prefix=none", "--no-dedupe"]).current_dir(root()).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
     let listed = String::from_utf8(output.stdout).unwrap();

@@ -16,7 +16,8 @@ use swerve_flow::{Answered, Call, Lost, RemoteExecutor};
 use swerve_msg::block::writing;
 
 use crate::lend::Live;
-use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
+use crate::message::{Head, Kind, TALK};
+use crate::service::{Hub, Receiver, Sender};
 use crate::waker::{Listener, Signal as Heard, Timeout, Waker};
 use crate::{IpcError, OnWorkerEvent, WorkerEvent};
 
