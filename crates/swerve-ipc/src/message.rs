@@ -3,12 +3,14 @@
 #[cfg(test)]
 use core::mem::offset_of;
 
+#[cfg(feature = "processes")]
+use iceoryx2::prelude::ZeroCopySend;
+
 /// Header of every message. The type's name contains a fingerprint of its layout, because iceoryx2 compares only names
 /// and sizes and would accept two different layouts of the same size.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "processes", derive(iceoryx2::prelude::ZeroCopySend))]
-#[cfg_attr(feature = "processes", type_name("swerve.Head.6a438280d2cb8e77"))]
+#[cfg_attr(feature = "processes", derive(ZeroCopySend), type_name("swerve.Head.6a438280d2cb8e77"))]
 pub(crate) struct Head {
     /// Sequence number of the message; an answer has that of its call.
     pub(crate) seq: u64,
