@@ -193,6 +193,9 @@ fn no_adapter(document: &Document, config: &Config) -> Problems {
 fn lacks(config: &Config) -> impl Iterator<Item = String> {
     let gpu = on_adapters(config).into_iter().map(|(key, _)| (key, gpu::MISSING));
     let processes = config.process.keys().map(|name| (format!("process.{name}"), swerve_ipc::MISSING));
-    let live = config.live.iter().map(|_| ("live".to_owned(), swerve_ros2::bridge::MISSING));
-    gpu.chain(processes).chain(live).filter_map(|(key, missing)| Some(format!("{key}: {}", missing?)))
+    // A recorded drive has no vehicle.
+    let vehicle = (config.live.is_some() && config.source.is_none()).then_some("live");
+    let driver = config.is_driven_over_ros2().then_some("ego.driver");
+    let ros2 = vehicle.into_iter().chain(driver).map(|key| (key.to_owned(), swerve_ros2::bridge::MISSING));
+    gpu.chain(processes).chain(ros2).filter_map(|(key, missing)| Some(format!("{key}: {}", missing?)))
 }
