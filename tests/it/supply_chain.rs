@@ -150,10 +150,19 @@ fn bill(into: &Path) -> Option<String> {
     Some(std::fs::read_to_string(into).unwrap())
 }
 
-/// Name and version of the packages that cargo would build for the program, as listed by `cargo tree`.
-fn built() -> BTreeSet<(String, String)> {
+/// Name and version of the packages that cargo would build for the program with these features, as listed by
+/// `cargo tree`.
+fn built(features: &str) -> BTreeSet<(String, String)> {
     let mut call = Command::new(env!("CARGO"));
-    call.args(["tree", "--locked", "--offline", "--package=swerve", "--edges=normal,build"]);
+    call.args([
+        "tree",
+        "--locked",
+        "--offline",
+        "--package=swerve",
+        "--features",
+        features,
+        "--edges=normal,build",
+    ]);
     let output = call.args(["--prefix=none", "--no-dedupe"]).current_dir(root()).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
     let listed = String::from_utf8(output.stdout).unwrap();
@@ -166,6 +175,17 @@ fn built() -> BTreeSet<(String, String)> {
 
 fn text<'a>(value: &'a Value, key: &str) -> &'a str {
     value[key].as_str().unwrap_or_else(|| panic!("no {key} in {value}"))
+}
+
+/// Optional features keep their dependencies out of the first command of the README.
+#[test]
+fn first_command_builds_no_dependency_of_a_feature() {
+    let names =
+        |features: &str| built(features).into_iter().map(|(name, _)| name).collect::<BTreeSet<String>>();
+    let (first, full) = (names(""), names("full"));
+    for heavy in ["iceoryx2", "rustdds", "tokio", "wgpu", "zstd-sys"] {
+        assert!(full.contains(heavy) && !first.contains(heavy), "{heavy}");
+    }
 }
 
 #[test]
@@ -196,7 +216,7 @@ fn bill_of_materials_matches_the_lock_file() {
         assert!(text(component, "purl").starts_with(&format!("pkg:cargo/{}@{}", name.0, name.1)));
         assert!(listed.insert(name) && refs.insert(text(component, "bom-ref")), "twice: {component}");
     }
-    assert_eq!(listed, built());
+    assert_eq!(listed, built("full"));
 
     // The graph has every component once, each reachable from the program.
     let edges: BTreeMap<&str, Vec<&str>> = bill["dependencies"]

@@ -21,6 +21,8 @@
 //! one only for one adapter and driver: compared with the CPU, colours may differ by a level or two and outlines by a
 //! pixel. When their adapter fails, the [`Renderer`] continues on the CPU, in the same frame.
 
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "without the feature, its helpers are unused"))]
+
 #[cfg(test)]
 mod allocations;
 mod check;
@@ -28,6 +30,10 @@ mod cpu;
 mod error;
 mod frame;
 mod frontend;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_gpu.rs"]
 mod gpu;
 mod model;
 mod renderer;

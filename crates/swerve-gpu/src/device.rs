@@ -3,7 +3,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use crate::adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter, open_first};
+use crate::adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter};
+use crate::open::open_first;
 
 /// Number of storage buffers that the shaders need in one stage.
 const STORAGE_BUFFERS: u32 = 8;

@@ -2,6 +2,8 @@ use core::fmt::Debug;
 
 use thiserror::Error;
 
+use crate::NOT_BUILT;
+
 /// Error of the machine or of another process.
 #[derive(Debug, Error)]
 pub enum IpcError {
@@ -21,6 +23,9 @@ pub enum IpcError {
         /// Reason, as a predicate of the process.
         why: String,
     },
+    /// The program was built without the feature `processes`.
+    #[error("{NOT_BUILT}")]
+    NotBuilt,
 }
 
 impl IpcError {

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use swerve_msg::block::{Block, BlockId, Memory, Room, Shelf};
 
 use crate::IpcError;
-use crate::service::{Depth, Head, Hub, Kept, Kind, Loan, WordReceiver, WordSender};
+use crate::message::{Depth, Head, Kind};
+use crate::service::{Hub, Kept, Loan, WordReceiver, WordSender};
 
 /// Minimum size of a payload in shared memory, bytes; smaller payloads are sent in the message.
 const BYTES_MIN: usize = 4096;

@@ -10,14 +10,20 @@
 //! |---|---|
 //! | `folder.rs` | unique names for everything that a run leaves on the machine; cleanup after dead runs |
 //! | `leftovers.rs` | cleanup of shared memory that killed runs left |
-//! | `service.rs` | creation of all services, so that both ends always agree |
+//! | `message.rs` | headers and kinds of messages |
+//! | `service.rs` | creation of all services, so that both ends always agree; `no_service.rs` without the feature `processes` |
 //! | `waker.rs` | wakes the process at the other end |
 //! | `link.rs` | a call and its answer |
 //! | `lend.rs` | memory that sensors write and workers read in place |
 //! | `pool.rs` | worker processes of a run: started, watched, restarted or given up |
 //! | `worker.rs` | the worker's end |
 //!
-//! No other crate depends on iceoryx2.
+//! No other crate depends on iceoryx2. Without the feature `processes` neither does this one: see [`MISSING`].
+
+#![cfg_attr(
+    not(feature = "processes"),
+    allow(dead_code, reason = "without the feature, its helpers are unused")
+)]
 
 mod error;
 mod event;
@@ -25,15 +31,26 @@ mod folder;
 mod leftovers;
 mod lend;
 mod link;
+mod message;
 mod pool;
+#[cfg(feature = "processes")]
+mod service;
+#[cfg(not(feature = "processes"))]
+#[path = "no_service.rs"]
 mod service;
 mod waker;
 mod worker;
 
 pub use error::IpcError;
 pub use event::{LATE_S, OnWorkerEvent, WorkerEvent};
+pub use folder::writable;
 pub use leftovers::dead_runs;
 pub use link::{Traffic, kill_workers};
 pub use pool::{OnLoss, WorkerPool, WorkerSpec};
-pub use service::writable;
 pub use worker::{WorkerSetup, work};
+
+/// Reason why this program cannot start processes; `None` if it can.
+pub const MISSING: Option<&str> = if cfg!(feature = "processes") { None } else { Some(NOT_BUILT) };
+
+const NOT_BUILT: &str =
+    "this program was built without processes: build it with `--features processes` (all: `--features full`)";

@@ -18,7 +18,8 @@ use swerve_msg::block::writing;
 use crate::IpcError;
 use crate::event::{OnWorkerEvent, WorkerEvent};
 use crate::lend::Live;
-use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
+use crate::message::{Head, Kind, TALK};
+use crate::service::{Hub, Receiver, Sender};
 use crate::waker::{Listener, Signal as Heard, Timeout, Waker};
 
 /// Maximum sleep of a process that waits for the other end; every event wakes it earlier.

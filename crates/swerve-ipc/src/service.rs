@@ -2,8 +2,6 @@
 //! and all others must request the same; one function for both ends guarantees that.
 
 use core::fmt::Debug;
-#[cfg(test)]
-use core::mem::offset_of;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions, Permissions};
 use std::io;
@@ -23,10 +21,11 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use rustix::fs::{Access, FallocateFlags, access, fallocate, statvfs};
+use rustix::fs::{FallocateFlags, fallocate, statvfs};
 
 use crate::IpcError;
-use crate::folder::{Address, SHARED_MEMORY, shared_files};
+use crate::folder::{Address, SHARED_MEMORY, shared_files, writable};
+use crate::message::{Depth, Head, Kind};
 
 /// Thread-safe service: several threads use the ports of one process.
 pub(crate) type Ipc = ipc_threadsafe::Service;
@@ -41,62 +40,6 @@ pub(crate) trait Element: ZeroCopySend + Debug + 'static {}
 
 impl Element for u8 {}
 impl Element for u64 {}
-
-/// Header of every message. The type's name contains a fingerprint of its layout, because iceoryx2 compares only names
-/// and sizes and would accept two different layouts of the same size.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
-#[type_name("swerve.Head.6a438280d2cb8e77")]
-pub(crate) struct Head {
-    /// Sequence number of the message; an answer has that of its call.
-    pub(crate) seq: u64,
-    /// Kind of the message: [`Kind`] as a number.
-    pub(crate) kind: u64,
-}
-
-/// Fingerprint in the name of [`Head`]: FNV-1a over its size and the offsets and sizes of its fields.
-#[cfg(test)]
-const LAYOUT: u64 = {
-    let facts = [size_of::<Head>(), offset_of!(Head, seq), 8, offset_of!(Head, kind), 8];
-    let (mut hash, mut i) = (0xcbf2_9ce4_8422_2325_u64, 0);
-    while i < facts.len() {
-        hash = (hash ^ facts[i] as u64).wrapping_mul(0x0000_0100_0000_01b3);
-        i += 1;
-    }
-    hash
-};
-
-/// Kind of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u64)]
-pub(crate) enum Kind {
-    /// Request to execute a step.
-    Call = 1,
-    /// Result of the step.
-    Answer,
-    /// A place in shared memory named by the call is no longer available.
-    Missing,
-    /// The call cannot be executed; the bytes state the reason.
-    Refused,
-    /// Data of an image or of a part of a point cloud; the sequence number is that of its place.
-    Block,
-}
-
-impl Kind {
-    pub(crate) fn of(head: &Head) -> Option<Self> {
-        [Self::Call, Self::Answer, Self::Missing, Self::Refused, Self::Block]
-            .into_iter()
-            .find(|kind| *kind as u64 == head.kind)
-    }
-}
-
-/// Checks that this user may create files in a folder.
-///
-/// # Errors
-/// The system's error if the user may not.
-pub fn writable(folder: &std::path::Path) -> io::Result<()> {
-    Ok(access(folder, Access::WRITE_OK | Access::EXEC_OK)?)
-}
 
 /// Access of a process to the shared memory of a run.
 pub(crate) struct Hub {
@@ -185,18 +128,6 @@ impl Sender {
         message.send().map(drop).map_err(IpcError::of("sending a message"))
     }
 }
-
-/// Numbers of messages that a service holds.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Depth {
-    /// Messages that a receiver has not taken yet; the oldest is dropped when there are more.
-    pub(crate) waiting: usize,
-    /// Messages that a receiver holds at once.
-    pub(crate) held: usize,
-}
-
-/// Depth for calls and answers: one at a time is under way, and one more after a kill.
-pub(crate) const TALK: Depth = Depth { waiting: 4, held: 4 };
 
 /// Maximum number of readers of one service.
 const READERS_MAX: usize = 16;
@@ -353,6 +284,7 @@ impl Kept {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::TALK;
 
     #[test]
     fn hub_refuses_to_lend_more_memory_than_is_free() {
@@ -374,11 +306,5 @@ mod tests {
             let mode = std::fs::metadata(&file).unwrap().permissions().mode();
             assert_eq!(mode & 0o077, 0, "{}: {mode:o}", file.display());
         }
-    }
-
-    #[test]
-    fn the_name_of_the_header_holds_its_layout() {
-        let written = include_str!("service.rs").split("swerve.Head.").nth(1).unwrap().split('"').next();
-        assert_eq!(written, Some(format!("{LAYOUT:016x}").as_str()));
     }
 }

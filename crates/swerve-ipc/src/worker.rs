@@ -16,7 +16,8 @@ use crate::IpcError;
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
 use crate::link::{LOOK_AROUND, Names, now};
-use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
+use crate::message::{Head, Kind, TALK};
+use crate::service::{Hub, Receiver, Sender};
 use crate::waker::{Listener, Signal, Timeout, Waker};
 
 /// WorkerSetup that a worker receives at its start.

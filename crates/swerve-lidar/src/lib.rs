@@ -17,8 +17,14 @@
 //! machine. Noise is a hash of seed, turn, column and beam. A turn into used memory allocates nothing that grows with
 //! it. On a GPU ([`Sweeper::on_gpu`]) the points are the same up to rounding, which depends on the machine.
 
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "without the feature, its helpers are unused"))]
+
 mod bvh;
 mod cloud;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_gpu.rs"]
 mod gpu;
 mod presets;
 mod returns;

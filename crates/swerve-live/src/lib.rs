@@ -397,6 +397,9 @@ pub fn run_before(
     if let Some(seconds) = args.seconds {
         anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
     }
+    if let Some(why) = swerve_ros2::bridge::MISSING.filter(|_| drive.config.source.is_none()) {
+        anyhow::bail!(why);
+    }
     let name = args.config.file_stem().map_or_else(|| "live".into(), |s| s.to_string_lossy().into_owned());
     if let Some(onlooker) = &mut onlooker {
         let is_recorded = drive.config.source.is_some();

@@ -103,7 +103,6 @@ impl Ros2Car {
     ///
     /// # Errors
     /// If the transport does not start.
-    /// When the transport does not start.
     pub fn start(config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         let mapping = config.ros2_mapping()?;
         let mounts = Mounts::new(config, &pipeline.assembly, &mapping);

@@ -220,6 +220,10 @@ const HEAD_LEN: usize = 9;
 pub(crate) fn describe(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof => "expected more bytes, found the end of the file".into(),
+        McapError::UnsupportedCompression(name) if name == "zstd" => {
+            "this program was built without zstd: build it with `--features ros2` (all: `--features full`)"
+                .into()
+        }
         McapError::BadMagic => "expected the magic number of an MCAP file".into(),
         McapError::BytesAfterEndMagic => "expected the end of the file, found more bytes".into(),
         McapError::BadChunkCrc { saved, calculated } => {

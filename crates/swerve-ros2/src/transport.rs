@@ -127,6 +127,9 @@ impl Transport {
     /// # Errors
     /// As [`Bridge::start`](crate::bridge::Bridge::start), or if the process does not start.
     pub fn start(options: &Options, process: TransportProcess) -> Result<Self, BridgeError> {
+        if crate::bridge::MISSING.is_some() {
+            return Err(BridgeError::NotBuilt);
+        }
         let n = options.endpoints.len();
         let depth = |endpoint: &Endpoint| Inbox::new(endpoint.qos.depth.min(DEPTH_MAX), None);
         let state = State {

@@ -11,7 +11,7 @@ pub(crate) mod tests;
 mod viewer;
 
 use std::collections::BTreeSet;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -27,20 +27,10 @@ use crate::reception::receive;
 use gate::Knock;
 use hub::{Hub, Message};
 
-/// Default address of the Foxglove app.
-pub(crate) const USUAL: &str = "127.0.0.1:8765";
 /// Maximum number of simultaneous viewers.
 const MOST: usize = 8;
 /// Nanoseconds per second.
 const SECOND_NS: f64 = 1e9;
-
-/// Parses a listening address: `IP:PORT`, or a port of 127.0.0.1.
-pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
-    let port =
-        |text: &str| text.parse().ok().map(|port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
-    let wrong = || format!("expected IP:PORT, or a port of 127.0.0.1, such as {USUAL}");
-    text.parse().ok().or_else(|| port(text)).ok_or_else(wrong)
-}
 
 /// The server, which runs until the program ends.
 #[derive(Clone)]

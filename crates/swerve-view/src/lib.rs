@@ -1,6 +1,15 @@
 //! `swerve view`: shows a run in progress in the report's player, at an address of this machine protected by a token.
 
+#![cfg_attr(
+    not(feature = "foxglove"),
+    allow(dead_code, reason = "without the feature, its helpers are unused")
+)]
+
 mod drive;
+#[cfg(feature = "foxglove")]
+mod foxglove;
+#[cfg(not(feature = "foxglove"))]
+#[path = "no_foxglove.rs"]
 mod foxglove;
 mod http;
 mod looks;
@@ -11,7 +20,7 @@ mod show;
 mod vehicle;
 mod wheel;
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
 use anyhow::Context as _;
@@ -48,8 +57,8 @@ pub struct ViewArgs {
     paused: bool,
     /// Also serve the run or the log to the Foxglove app, at IP:PORT or a port of 127.0.0.1 [default: 127.0.0.1:8765]
     #[arg(
-        long, value_name = "ADDR", num_args = 0..=1, default_missing_value = foxglove::USUAL,
-        value_parser = foxglove::address
+        long, value_name = "ADDR", num_args = 0..=1, default_missing_value = USUAL_FOR_FOXGLOVE,
+        value_parser = address
     )]
     foxglove: Option<SocketAddr>,
     /// Print the address without opening a browser
@@ -68,6 +77,21 @@ fn speed(text: &str) -> Result<Speed, String> {
     let times = text.parse().ok().filter(|times| show::is_speed(*times));
     times.map(|times| Speed(Some(times))).ok_or_else(|| show::NO_SPEED.into())
 }
+
+/// Default address of the Foxglove app.
+const USUAL_FOR_FOXGLOVE: &str = "127.0.0.1:8765";
+/// Parses a listening address: `IP:PORT`, or a port of 127.0.0.1.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let port =
+        |text: &str| text.parse().ok().map(|port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
+    let wrong = || format!("expected IP:PORT, or a port of 127.0.0.1, such as {USUAL_FOR_FOXGLOVE}");
+    text.parse().ok().or_else(|| port(text)).ok_or_else(wrong)
+}
+
+/// Reason why this program has no server for the Foxglove app; `None` if it has one.
+pub const MISSING: Option<&str> = if cfg!(feature = "foxglove") { None } else { Some(NOT_BUILT) };
+
+const NOT_BUILT: &str = "this program was built without Foxglove's server: build it with `--features foxglove` (all: `--features full`)";
 
 /// Function that returns the content of `metrics.json` for a run.
 pub type Summarise<'a> = &'a dyn Fn(&Setup, &Scenario, &Outcome) -> anyhow::Result<String>;

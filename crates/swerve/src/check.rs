@@ -135,7 +135,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else if has("base") || has("axis") {
         match Bench::check(registry, path) {
             Ok(study) => {
-                list_programs(path, study.programs());
+                list_notes(path, study.programs());
                 Vec::new()
             }
             Err(error) => format!("{error:#}").lines().map(str::to_owned).collect(),
@@ -148,7 +148,8 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
             Ok(mut config) => {
                 let doubt = Kind::Config.doubt(path, &document.text);
                 config.trust(&[Layer::of_file(document.clone(), doubt)]);
-                list_programs(path, trust::programs_with_doubts(&config));
+                list_notes(path, trust::programs_with_doubts(&config));
+                list_notes(path, lacks(&config));
                 no_adapter(&document, &config)
             }
             Err(problems) => problems,
@@ -160,18 +161,25 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     }
 }
 
-/// Lists the programs that a file starts.
-fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>) {
-    programs.into_iter().for_each(|program| tell(&format!("note: {}: {program}", path.display())));
+/// Lists facts about a file that are not problems, such as the programs that it starts.
+fn list_notes(path: &Path, notes: impl IntoIterator<Item = String>) {
+    notes.into_iter().for_each(|note| tell(&format!("note: {}: {note}", path.display())));
 }
 
-/// Reports the keys that request a missing graphics adapter.
-fn no_adapter(document: &Document, config: &Setup) -> Problems {
+/// Keys that request a graphics adapter.
+fn on_adapters(config: &Config) -> Vec<(String, AdapterKind)> {
     let rendering = config.render.backend.in_virtual_time().adapter();
     let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();
     let on_gpu = config.lidar.iter().filter(|(_, lidar)| lidar.engine == LidarEngine::Gpu);
     asked.extend(on_gpu.map(|(name, _)| (format!("lidar.{name}.engine"), AdapterKind::Gpu)));
-    if asked.is_empty() {
+    asked
+}
+
+/// Reports the keys that request a missing graphics adapter.
+fn no_adapter(document: &Document, config: &Config) -> Problems {
+    let asked = on_adapters(config);
+    // A program without the feature knows no adapter of this machine: see `lacks`.
+    if asked.is_empty() || gpu::MISSING.is_some() {
         return Problems::new();
     }
     let adapters = gpu::probe();
@@ -180,4 +188,15 @@ fn no_adapter(document: &Document, config: &Setup) -> Problems {
         Some(document.problem(&key, format!("{none} (on this machine; `swerve doctor` has details)")))
     };
     asked.into_iter().filter_map(told).collect()
+}
+
+/// Lists the keys that need a feature which this program was built without.
+fn lacks(config: &Config) -> impl Iterator<Item = String> {
+    let gpu = on_adapters(config).into_iter().map(|(key, _)| (key, gpu::MISSING));
+    let processes = config.process.keys().map(|name| (format!("process.{name}"), swerve_ipc::MISSING));
+    // A recorded drive has no vehicle.
+    let vehicle = (config.live.is_some() && config.source.is_none()).then_some("live");
+    let driver = config.is_driven_over_ros2().then_some("ego.driver");
+    let ros2 = vehicle.into_iter().chain(driver).map(|key| (key.to_owned(), swerve_ros2::bridge::MISSING));
+    gpu.chain(processes).chain(ros2).filter_map(|(key, missing)| Some(format!("{key}: {}", missing?)))
 }

@@ -19,8 +19,14 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
             "machine",
             &format!("{} {}, {processors} processors", std::env::consts::ARCH, std::env::consts::OS),
         ),
-        String::new(),
     ];
+    lines.extend(features([
+        ("foxglove", swerve_view::MISSING),
+        ("gpu", gpu::MISSING),
+        ("processes", swerve_ipc::MISSING),
+        ("ros2", swerve_ros2::bridge::MISSING),
+    ]));
+    lines.push(String::new());
     lines.extend(rendering(&gpu::probe()));
     lines.push(String::new());
     lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
@@ -30,6 +36,13 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
 
 fn line(name: &str, value: &str) -> String {
     format!("{name:<15}{value}").trim_end().to_owned()
+}
+
+/// Reports which optional features the program was built with, and how to build the others.
+fn features(all: [(&str, Option<&str>); 4]) -> Vec<String> {
+    let state = |(name, missing): (&str, Option<&str>)| format!("{name}: {}", missing.unwrap_or("built in"));
+    let heads = ["features", "", "", ""];
+    heads.into_iter().zip(all.map(state)).map(|(head, state)| line(head, &state)).collect()
 }
 
 /// Reports the rendering back ends and which one is used where.
@@ -97,6 +110,14 @@ mod tests {
     fn told(found: Vec<AdapterReport>, absent: &[&str]) -> String {
         let absent = absent.iter().map(|why| (*why).to_owned()).collect();
         rendering(&Adapters { found, absent }).join("\n")
+    }
+
+    #[test]
+    fn missing_feature_is_reported_with_its_build_option() {
+        let why = "this program was built without ROS 2: build it with `--features ros2`";
+        let lines = features([("foxglove", None), ("gpu", None), ("processes", None), ("ros2", Some(why))]);
+        assert_eq!(lines[0], "features       foxglove: built in");
+        assert_eq!(lines[3], format!("               ros2: {why}"));
     }
 
     #[test]

@@ -92,6 +92,11 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
     }
     let (config, scenario) = load(registry, &input)?;
+    let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
+    let needed = [(on_ros2, swerve_ros2::bridge::MISSING), (!config.process.is_empty(), swerve_ipc::MISSING)];
+    if let Some(why) = needed.into_iter().find_map(|(is_needed, missing)| missing.filter(|_| is_needed)) {
+        anyhow::bail!(why);
+    }
     trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
@@ -121,7 +126,6 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         vec![&mut progress, &mut recording, &mut trace, &mut story, &mut report];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
-    let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = Processes::start_all(&config, &mut pipeline)?;

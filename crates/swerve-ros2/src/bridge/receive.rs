@@ -1,6 +1,6 @@
 //! Receiving thread and its state.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
 
 use futures::channel::oneshot;
@@ -12,8 +12,9 @@ use ros2_client::dds::rustdds::{
 };
 use ros2_client::{Gid, MessageInfo, ReadError, ReadResult};
 
+use super::node::Shared;
 use super::statistics::{Counters, TopicStatistics};
-use super::{Direction, Endpoint, Received, Shared, WriterGuid};
+use super::{Direction, Endpoint, Received, WriterGuid};
 use crate::clock::{ClockEstimator, ClockParams};
 use crate::inbox::Inbox;
 use crate::message::{AnyMessage, Kind};
@@ -255,30 +256,5 @@ fn follow(state: &mut State, local: &Local, status: &Status) {
             }
         }
         _ => {}
-    }
-}
-
-/// The newest values of a series, for medians.
-#[derive(Default)]
-pub(super) struct Newest(VecDeque<i64>);
-
-impl Newest {
-    pub(super) const MAX: usize = 256;
-
-    pub(super) fn push(&mut self, value: i64) {
-        if self.0.len() == Self::MAX {
-            self.0.pop_front();
-        }
-        self.0.push_back(value);
-    }
-
-    pub(super) fn sorted(&self) -> Vec<i64> {
-        let mut values: Vec<i64> = self.0.iter().copied().collect();
-        values.sort_unstable();
-        values
-    }
-
-    pub(super) fn ends(&self) -> Option<(i64, i64, usize)> {
-        Some((*self.0.front()?, *self.0.back()?, self.0.len()))
     }
 }

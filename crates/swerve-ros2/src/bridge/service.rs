@@ -7,42 +7,17 @@ use ros2_client::dds::{Client, Node, Server, ServiceMapping};
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
 use ros2_client::{Message, Name, ServiceTypeName};
 
-use super::{BridgeError, PUBLISH_WAIT, Shared};
+use super::node::Shared;
+use super::{BridgeError, PUBLISH_WAIT, ServiceError, ServiceSide};
 use crate::mapping::ServiceMap;
 use crate::msg::autoware_vehicle_msgs::{ControlModeCommandRequest, ControlModeCommandResponse};
 use crate::msg::builtin_interfaces::Time;
-use serde::{Deserialize, Serialize};
 
 /// Polling period of a client that waits for an answer.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 impl Message for ControlModeCommandRequest {}
 impl Message for ControlModeCommandResponse {}
-
-/// Side of the service.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum ServiceSide {
-    /// Sends requests.
-    Client,
-    /// Answers requests.
-    Server,
-}
-
-/// A service request failed.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum ServiceError {
-    /// The bridge was started without the service.
-    #[error("the bridge was started without this service")]
-    NotOpen,
-    /// No answer in time; the other side may map services differently.
-    #[error(
-        "no answer in time; if the vehicle's middleware is Cyclone DDS, set `service_mapping = \"cyclone\"`"
-    )]
-    NoAnswer,
-    /// The transport refused it.
-    #[error("not sent: {0}")]
-    Transport(String),
-}
 
 pub(super) struct ControlModeClient(Client<ControlModeCommandRequest, ControlModeCommandResponse>);
 pub(super) struct ControlModeServer(Server<ControlModeCommandRequest, ControlModeCommandResponse>);

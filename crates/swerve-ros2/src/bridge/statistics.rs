@@ -1,10 +1,11 @@
 //! Statistics of a bridge's topics.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
 use super::Endpoint;
-use super::receive::Newest;
 use crate::clock::{ClockOffset, StampVerdict};
 use crate::message::Kind;
 
@@ -182,5 +183,30 @@ impl Counters {
             latency,
             clock: None,
         }
+    }
+}
+
+/// The newest values of a series, for medians.
+#[derive(Default)]
+struct Newest(VecDeque<i64>);
+
+impl Newest {
+    const MAX: usize = 256;
+
+    fn push(&mut self, value: i64) {
+        if self.0.len() == Self::MAX {
+            self.0.pop_front();
+        }
+        self.0.push_back(value);
+    }
+
+    fn sorted(&self) -> Vec<i64> {
+        let mut values: Vec<i64> = self.0.iter().copied().collect();
+        values.sort_unstable();
+        values
+    }
+
+    fn ends(&self) -> Option<(i64, i64, usize)> {
+        Some((*self.0.front()?, *self.0.back()?, self.0.len()))
     }
 }

@@ -185,11 +185,12 @@ fn package_of_a_new_folder_builds_and_drives() {
     bench.good(&["new", "begin"]);
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
-    // In the existing target folder and with the same profile, so that only the package itself is built.
+    // In the existing target folder, with the same profile and features, so that only the package itself is built.
     let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
     let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
     let own = bench.read("begin/Cargo.toml");
     let (own, _) = own.split_once("[profile.dev]").unwrap();
+    let own = own.replace("swerve = { ", "swerve = { features = [\"full\"], ");
     bench.write("begin/Cargo.toml", &format!("{own}[profile.dev]{profiles}"));
     let target = std::path::Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap();
     let said = std::process::Command::new(env!("CARGO"))
