@@ -89,7 +89,7 @@ fn unknown_name_is_reported_with_the_nearest_one() {
         "\"reuse_last\"",
         "\"reuse\"",
         "11: operator[1].deadline.reaction: expected one of \"skip\", ",
-        "\"reuse_last\"?",
+        "`reuse_last`?",
     );
     refused(
         "\"reuse_last\"",

@@ -146,11 +146,11 @@ fn detector_of_another_crate_is_used_by_name() {
     let rung = problem("operator.eye.rung=fin");
     assert_eq!(
         rung,
-        "--set: operator.eye.rung: no rung `fin`; did you mean \"fine\"?; expected \"coarse\", \"fine\""
+        "--set: operator.eye.rung: no rung `fin`; did you mean `fine`?; expected \"coarse\", \"fine\""
     );
     let name = problem("operator.eye.detector=colorful");
     assert!(
-        name.contains("no detector `colorful`; did you mean \"colourful\"?; expected \"street\""),
+        name.contains("no detector `colorful`; did you mean `colourful`?; expected \"street\""),
         "{name}"
     );
 }
@@ -248,11 +248,11 @@ fn plan_solves_road_problems_with_a_planner_of_another_crate() {
     assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
     let name = plan("cautios", &[]).unwrap_err();
     assert!(name.starts_with("--planner: expected one of \"fot\""), "{name}");
-    assert!(name.ends_with("did you mean \"cautious\"?"), "{name}");
+    assert!(name.ends_with("did you mean `cautious`?"), "{name}");
     let fineness =
         command(&["plan", "detour", "--planner", "cautious", "--discretisation", "fats"]).unwrap_err();
     let expected = "--discretisation: expected one of \"fast\", \"slow\" for cautious, found \"fats\"; did you mean \
-                    \"fast\"?";
+                    `fast`?";
     assert_eq!(fineness, expected);
 }
 
@@ -274,7 +274,7 @@ fn eval_prediction_evaluates_a_predictor_of_another_crate() {
     assert_eq!(range, "--set: prediction.params.fade_s: expected 0.1 to 100, found 0");
     let name = evaluate(&["--predictor", "fadin"]).unwrap_err();
     assert!(name.starts_with("--predictor: expected \"all\" or one of \"linear\""), "{name}");
-    assert!(name.ends_with("\"r2p2\", \"fading\", found \"fadin\"; did you mean \"fading\"?"), "{name}");
+    assert!(name.ends_with("\"r2p2\", \"fading\", found \"fadin\"; did you mean `fading`?"), "{name}");
 }
 
 /// The cells of a study differ by the algorithm.

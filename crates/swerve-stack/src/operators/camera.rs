@@ -85,7 +85,7 @@ impl OperatorKind for Cameras {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.setup().live.is_some() {
+        if site.config().live.is_some() {
             site.add_source::<Image>();
             return Ok(());
         }

@@ -34,7 +34,7 @@ impl Kind for FreshCommands {
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let live = site.setup().live.clone().unwrap_or_default();
+        let live = site.config().live.clone().unwrap_or_default();
         Ok(Self { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN })
     }
 }

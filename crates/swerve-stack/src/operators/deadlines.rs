@@ -47,7 +47,7 @@ struct Out {
 
 /// Deadline of the planner under the dynamic model, once the policy is in the graph.
 pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
-    let execution = &site.setup().execution;
+    let execution = &site.config().execution;
     let (reaction, is_dynamic) = (execution.reaction, execution.model == Model::DynamicDeadlines);
     if !is_dynamic {
         return Ok(site.own_deadline());
@@ -86,7 +86,7 @@ impl OperatorKind for DeadlinePolicy {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let policy = Policy::new(site);
         let before = respond(&policy.params, None, policy.overhead, 0);
-        let reaction = site.setup().execution.reaction;
+        let reaction = site.config().execution.reaction;
         site.add(policy, None)?;
         let name = format!("{}.detector", site.name());
         let graph = site.graph();
@@ -113,7 +113,7 @@ struct Policy {
 
 impl Policy {
     fn new(site: &Site<'_>) -> Self {
-        let (config, resolved) = (site.setup(), site.resolved());
+        let (config, resolved) = (site.config(), site.resolved());
         let period_s = config.sensing.period_ms * 1e-3;
         let params = &resolved.deadlines;
         // A step longer than a period makes the next frame wait.

@@ -114,7 +114,7 @@ impl OperatorKind for Fusions {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let (name, config, settings) = (site.name().to_owned(), site.setup(), site.settings());
+        let (name, config, settings) = (site.name().to_owned(), site.config(), site.settings());
         let table = Table::of(&settings);
         let own = config.operator.get(&name);
         let is_read = |port: &str| own.is_some_and(|own| own.reads.contains_key(port));

@@ -25,7 +25,7 @@ impl Kind for Receiver {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.setup();
+        let config = site.config();
         Ok(Self(GnssReceiver::new(config.sensing.gnss.clone(), site.name(), config.seed)))
     }
 

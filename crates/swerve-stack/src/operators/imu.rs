@@ -26,7 +26,7 @@ impl Kind for ImuSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.setup();
+        let config = site.config();
         let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
         let period = span_of_ms(sensing.imu_period_ms);
         Ok(Self(InertialUnit::new(sensing.imu, vehicle, period, site.name(), config.seed)))

@@ -63,7 +63,7 @@ impl OperatorKind for Lidars {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.setup().live.is_some() {
+        if site.config().live.is_some() {
             site.add_source::<PointCloud>();
             return Ok(());
         }

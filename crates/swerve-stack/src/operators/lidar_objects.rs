@@ -40,7 +40,7 @@ impl<D: NamedLidarDetector> Kind for Objects<D> {
     }
 
     fn new(table: D::Params, site: &Site<'_>) -> anyhow::Result<Self> {
-        let (name, config) = (site.name(), site.setup());
+        let (name, config) = (site.name(), site.config());
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
             format!(

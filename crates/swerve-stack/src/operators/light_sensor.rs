@@ -35,7 +35,7 @@ impl Kind for LightSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let (mount, params) = sight(site.setup());
+        let (mount, params) = sight(site.config());
         Ok(Self { sensor: TrafficLightSensor::new(&site.surroundings().scenario.road), mount, params })
     }
 

@@ -104,7 +104,7 @@ pub(super) struct Receiver {
 
 impl Receiver {
     pub(super) fn new(site: &Site<'_>) -> Self {
-        Self::of(&site.setup().sensing, site.surroundings().route.clone())
+        Self::of(&site.config().sensing, site.surroundings().route.clone())
     }
 
     fn of(sensing: &SensingConfig, route: Route) -> Self {
@@ -239,7 +239,7 @@ impl Kind for Filter {
     }
 
     fn new(table: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.setup();
+        let config = site.config();
         let problems =
             |told: KeyProblems| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(&told));
         let params = table.params(&known(config)).map_err(problems)?;

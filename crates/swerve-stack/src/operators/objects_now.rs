@@ -35,7 +35,7 @@ impl Kind for ObjectsNow {
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let live = site.setup().live.clone().unwrap_or_default();
+        let live = site.config().live.clone().unwrap_or_default();
         Ok(Self { timeout: Span::from_secs(live.objects_timeout_s) })
     }
 

@@ -30,7 +30,7 @@ impl Kind for Odometry {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.setup();
+        let config = site.config();
         let vehicle = config.sim.vehicle.clone();
         let odometer = WheelOdometer::new(config.sensing.odometry, &vehicle, site.name(), config.seed);
         Ok(Self { odometer, vehicle })

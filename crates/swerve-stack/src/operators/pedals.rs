@@ -39,7 +39,7 @@ impl Kind for PedalsOperator {
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self { vehicle: site.setup().sim.vehicle.clone(), speed_mps: 0.0, steering_rad: None })
+        Ok(Self { vehicle: site.config().sim.vehicle.clone(), speed_mps: 0.0, steering_rad: None })
     }
 }
 

@@ -29,7 +29,7 @@ impl Kind for PoseSensor {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.setup();
+        let config = site.config();
         Ok(Self { params: config.sensing.pose, seed: config.seed })
     }
 

@@ -65,7 +65,7 @@ impl OperatorKind for Radars {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let (settings, vehicle) = (site.settings(), &site.setup().sim.vehicle);
+        let (settings, vehicle) = (site.settings(), &site.config().sim.vehicle);
         let Some(config) = settings.setup.radar.get(settings.name) else {
             anyhow::bail!("radar.{}: there is no such table", settings.name);
         };

@@ -36,7 +36,7 @@ impl OperatorKind for Reports {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        if site.setup().localization.estimates() {
+        if site.config().localization.estimates() {
             site.add(WheelReport::default(), None)
         } else {
             site.add(PoseReport, None)

@@ -95,7 +95,7 @@ struct Front {
 
 impl Front {
     fn new<'a>(site: &'a Site<'_>) -> anyhow::Result<(Self, &'a LidarConfig)> {
-        let (name, config) = (site.name(), site.setup());
+        let (name, config) = (site.name(), site.config());
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
             format!(
@@ -226,7 +226,7 @@ impl Kind for ScanMatcher {
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
         let (front, lidar) = Front::new(site)?;
-        let (config, surroundings) = (site.setup(), site.surroundings());
+        let (config, surroundings) = (site.config(), site.surroundings());
         let map = match &config.localization.map {
             Some(path) => read(path).with_context(|| format!("localization.map: {}", path.display()))?,
             None => survey::survey(config, &surroundings.scenario, lidar)?,

@@ -44,7 +44,7 @@ impl OperatorKind for EnableSwitch {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let config = site.setup();
+        let config = site.config();
         if config.is_driven_over_ros2() {
             site.add_source::<Switch>();
             return Ok(());

@@ -36,7 +36,7 @@ impl Kind for World {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let sim = &site.setup().sim;
+        let sim = &site.config().sim;
         let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
         let simulator = Simulator::exact(site.surroundings().scenario.clone(), &params)?;
         let course = site.setup().course.clone();

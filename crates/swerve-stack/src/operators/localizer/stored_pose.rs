@@ -25,7 +25,7 @@ pub(super) struct StoredPose {
 impl StoredPose {
     /// Stored pose of a run, with its errors. `None` where `localization.stored_pose` is absent.
     pub(super) fn new(site: &Site<'_>) -> Option<Self> {
-        let config = site.setup();
+        let config = site.config();
         let [place_m, heading_deg] = config.localization.stored_pose?;
         let around = site.surroundings();
         let start = around.scenario.ego_pose(around.route.line(), &around.vehicle.shape);
