@@ -68,7 +68,7 @@ fn run(wish: Option<&str>) -> Outcome<String> {
 fn document(here: &Path) -> Outcome<()> {
     let mut call = Command::new("cargo");
     // Of the whole workspace, as in CI: for a few crates alone cargo would compile dependencies with other features.
-    call.args(["doc", "--locked", "--quiet", "--workspace", "--no-deps", "--features=swerve/full"]);
+    call.args(["doc", "--locked", "--quiet", "--workspace", "--no-deps", "--all-features"]);
     call.env("RUSTDOC", here.join("rustdoc")).env("SWERVE_API_CRATES", CRATES.join(" ").replace('-', "_"));
     call.env("RUSTDOCFLAGS", "-Zunstable-options --output-format=json --cap-lints=allow");
     call.env("CARGO_TARGET_DIR", target(here)).current_dir(here.join("../.."));

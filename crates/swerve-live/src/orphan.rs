@@ -1,6 +1,6 @@
 //! Stop of a vehicle whose controlling program has died, by the transport process, which outlives it.
 //!
-//! With each command the program leaves the [`Legacy`] with that process. If the program's end of the socket closes
+//! With each command the program leaves the `Legacy` with that process. If the program's end of the socket closes
 //! without a farewell (kill -9, out of memory, an abort), the process brakes as the [`Sink`] does when the gate
 //! falls silent: to a standstill with the last steering angle. Then it releases the vehicle and ends.
 

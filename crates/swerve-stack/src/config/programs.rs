@@ -1,7 +1,7 @@
 //! Programs that a configuration starts, and the user's consent to them.
 //!
-//! A parsed configuration may start no program. Consent is given afterwards, by [`Config::trust`] for the layers that
-//! the user vouches for, or by [`Config::allow_programs`] for all of it.
+//! A parsed configuration may start no program. Consent is given afterwards, by [`Setup::trust`] for the layers that
+//! the user vouches for, or by [`Setup::allow_programs`] for all of it.
 
 use core::fmt;
 use std::collections::BTreeMap;
