@@ -11,9 +11,9 @@ use swerve_fuzz::WORKERS;
 use swerve_localization::map_file::MapFile;
 use swerve_localization::voxels::Voxel;
 use swerve_log::Recorder;
-use swerve_ros2::{Kind, cdr, samples};
-use swerve_stack::config::Config;
 use swerve_measure::picture::Picture;
+use swerve_ros2::{Kind, cdr, samples};
+use swerve_stack::Setup;
 
 fn main() -> anyhow::Result<()> {
     let folder = std::env::args().nth(1).context("expected a folder")?;

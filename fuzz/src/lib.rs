@@ -6,6 +6,7 @@ use clap::Parser;
 use serde::de::DeserializeOwned;
 use swerve_core::{Hasher, Time};
 use swerve_flow::{Decision, Worker};
+use swerve_measure::evaluate::{self, EvalArgs};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{
     Command, Detections, EgoState, GateOutput, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan,
@@ -14,9 +15,8 @@ use swerve_msg::{
 };
 use swerve_planning::{Budget, Progress};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_measure::evaluate::{self, EvalArgs};
+use swerve_stack::{Registry, Setup};
 use swerve_text::Document;
 use tempfile::TempDir;
 
@@ -103,7 +103,7 @@ fn evaluated(what: &[&str], truth: &Path, found: &Path) {
     let paths = [truth, found].map(|path| path.display().to_string());
     let words = ["eval"].iter().chain(what).copied().chain(paths.iter().map(String::as_str));
     let eval = Eval::try_parse_from(words).expect("these are its arguments");
-    let _either_way = evaluate::run(&eval.args).is_ok();
+    let _either_way = evaluate::run(&eval.args, &Registry::standard()).is_ok();
 }
 
 /// The two sides of a text, parted by a line of `---`.

@@ -1,7 +1,7 @@
 #![no_main]
 //! Configurations: any text is one, or is refused.
 
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_text::Document;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
