@@ -17,9 +17,8 @@ use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Reader, Recorder, RunStart};
 use swerve_report::story::draw;
 use swerve_scenario::Scenario;
-use swerve_stack::Registry;
-use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Registry, Setup};
 use swerve_text::Document;
 use swerve_why::of_run;
 

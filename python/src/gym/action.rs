@@ -3,8 +3,8 @@
 use swerve_core::Span;
 use swerve_geom::{Pose2, Vector2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus};
+use swerve_stack::Setup;
 use swerve_stack::agent::{Agent, Seat, Target};
-use swerve_stack::config::Config;
 
 /// Component replaced by an agent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -10,7 +10,7 @@ use swerve_geom::{FrenetPoint, angle_between};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Route};
 use swerve_scenario::Scenario;
-use swerve_stack::config::Config;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use super::action::{Level, Wheel};
