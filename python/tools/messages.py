@@ -21,7 +21,7 @@ SOURCES = [
     *sorted((CRATES / "swerve-msg/src").glob("*.rs")),
 ]
 # What is in these files or under these names is no message, or is written by hand in `_plain.py`.
-NOT_MESSAGES = {"Packed", "Away", "Written", "Place", "Pixels"}
+NOT_MESSAGES = {"Packed", "Away", "Written", "BlockId", "Pixels"}
 
 SIMPLE = {
     "f64": "float",
