@@ -274,7 +274,7 @@ mod tests {
     use swerve_ros2::bridge::TopicStatistics;
     use swerve_ros2::mapping::{Role, Vehicle};
     use swerve_ros2::{AnyMessage, Kind};
-    use swerve_stack::Setup;
+    use swerve_stack::config::Config;
 
     use super::super::vehicle::{self, Facts};
     use super::super::wire::Taken;
@@ -325,7 +325,7 @@ mod tests {
         let clock = HostClock::start();
         let sink = Sink {
             wire: &wire,
-            interface: vehicle::interface(Vehicle::Autoware, &Setup::default()),
+            interface: vehicle::interface(Vehicle::Autoware, &Config::default()),
             car,
             clock,
             epoch: Epoch { ns: clock.epoch_ns() },

@@ -18,7 +18,7 @@ use swerve_msg::{GateOutput, VehicleReport};
 use swerve_ros2::convert::Epoch;
 use swerve_ros2::mapping::{Role, Vehicle};
 use swerve_ros2::{AnyMessage, Kind};
-use swerve_stack::Setup;
+use swerve_stack::config::Config;
 
 /// State of the vehicle reported by one message.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -76,7 +76,7 @@ pub trait VehicleInterface: Send {
 }
 
 /// Interface of the vehicle named by the mapping.
-pub fn interface(vehicle: Vehicle, config: &Setup) -> Box<dyn VehicleInterface> {
+pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface> {
     match vehicle {
         Vehicle::Autoware => Box::new(autoware::Autoware),
         Vehicle::Dataspeed => Box::new(dataspeed::DataspeedInterface::new(config)),

@@ -9,7 +9,7 @@ use swerve_ros2::convert::{
 };
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::std_msgs::Empty;
-use swerve_stack::Setup;
+use swerve_stack::config::Config;
 use swerve_stack::config::live::Longitudinal;
 use swerve_vehicle::VehicleParams;
 
@@ -30,7 +30,7 @@ pub(super) struct DataspeedInterface {
 }
 
 impl DataspeedInterface {
-    pub(super) fn new(config: &Setup) -> Self {
+    pub(super) fn new(config: &Config) -> Self {
         let live = config.live.clone().unwrap_or_default();
         let (gear, vehicle) = (live.gear(), config.sim.vehicle.clone());
         Self { gear, longitudinal: live.longitudinal, vehicle, engaged_before: false }

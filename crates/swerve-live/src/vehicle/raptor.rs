@@ -4,7 +4,7 @@ use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{Raptor, driver_active, raptor_speed_from_ros};
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::raptor_dbw_msgs::{Gear, GearCmd, GlobalEnableCmd};
-use swerve_stack::Setup;
+use swerve_stack::config::Config;
 use swerve_vehicle::VehicleParams;
 
 use super::{Facts, Outgoing, VehicleInterface};
@@ -19,7 +19,7 @@ pub(super) struct RaptorInterface {
 }
 
 impl RaptorInterface {
-    pub(super) fn new(config: &Setup) -> Self {
+    pub(super) fn new(config: &Config) -> Self {
         let gear = config.live.clone().unwrap_or_default().gear();
         Self { raptor: Raptor { gear }, vehicle: config.sim.vehicle.clone(), counter: 0 }
     }

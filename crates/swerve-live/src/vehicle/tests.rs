@@ -3,6 +3,7 @@
 use swerve_core::Span;
 use swerve_msg::{GateMode, MotionCommand, StopCause};
 use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
+use swerve_stack::Setup;
 
 use super::*;
 
