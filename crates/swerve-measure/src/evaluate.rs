@@ -112,7 +112,7 @@ fn result(args: &EvalArgs, registry: &Registry) -> anyhow::Result<String> {
                 numbers(&[("", &report)])
             }
         }
-        What::Prediction(args) => prediction::told(args, registry),
+        What::Prediction(args) => prediction::text(args, registry),
         What::Registration(args) => Ok(registration::told(args)?.0),
     }
 }

@@ -111,15 +111,8 @@ impl<'a> Passing<'a> {
         };
         let [most, least] = [BETWEEN_S, 0.0].map(together);
         let of = |count: usize| {
-            let mut passing = Self::of(
-                rules,
-                lane,
-                (route, shape),
-                (traffic, &blocking[..count]),
-                (start, place, target_mps),
-            )?;
-            passing.may_open = passing.may_open(start, place);
-            Some(passing)
+            let blocking = &blocking[..count];
+            Self::of(rules, lane, (route, shape), (traffic, blocking), (start, place, target_mps))
         };
         let at_once = if most > least { of(most).filter(|passing| passing.may_open) } else { None };
         at_once.or_else(|| of(least))
@@ -160,18 +153,24 @@ impl<'a> Passing<'a> {
         let others = others.collect();
         let room_m = route.left_m(place.s_m) - 0.5 * shape.width_m;
         let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane, room_m)).fold(0.0, f64::max);
-        (offset_m <= room_m).then_some(Self {
+        let has_room = offset_m <= room_m;
+        if !has_room {
+            return None;
+        }
+        let blocking = blocking.to_vec();
+        let passing = Self {
             rules,
             lane,
             route,
             shape,
-            blocking: blocking.to_vec(),
+            blocking,
             others,
             target_mps,
             offset_m,
             waits,
             may_open: false,
-        })
+        };
+        Some(Self { may_open: passing.is_open_at_once(start, place), ..passing })
     }
 
     /// The same pass for an ego that can no longer stay behind: with another smallest time to collision, seconds, to
@@ -181,7 +180,7 @@ impl<'a> Passing<'a> {
     }
 
     /// Returns true if moving out now may be possible, whatever the plan: a check without a search.
-    fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
+    fn is_open_at_once(&self, start: &EgoState, place: &OnLine) -> bool {
         let next = LineState { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: None, next, target_mps: self.target_mps }, start)
     }
@@ -394,7 +393,7 @@ struct Motion<'a> {
 }
 
 impl Motion<'_> {
-    /// LineState at the next instant, `at`.
+    /// State at the next instant, `at`.
     fn next(&mut self, at: Time) -> LineState {
         let mut now = self.next;
         if let Some((plan, line)) = self.plan

@@ -140,7 +140,7 @@ pub type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> Forecas
 /// # Errors
 /// If the folder has no such files, or a file cannot be read or has another format; the error names file, line and the
 /// expected content.
-pub(super) fn told(args: &PredictionArgs, registry: &Registry) -> anyhow::Result<String> {
+pub(super) fn text(args: &PredictionArgs, registry: &Registry) -> anyhow::Result<String> {
     let predictors = match &args.weights {
         None => chosen(args, registry)?,
         Some(_) => Vec::new(),

@@ -23,7 +23,9 @@ pub(super) fn link(operators: &mut Vec<Placed>, setup: &Setup, problems: &mut Ke
         let mut own: Vec<Wrong> = own.into_iter().map(Wrong::Said).collect();
         for input in &mut placed.inputs {
             let named = said.iter().find(|(port, _)| *port == input.port.name).map(|(_, reads)| reads);
-            if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
+            if named
+                .is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_reported(stream, problems)))
+            {
                 continue;
             }
             match edges((&placed.name, setup), &input.port, named, &streams) {
@@ -37,14 +39,14 @@ pub(super) fn link(operators: &mut Vec<Placed>, setup: &Setup, problems: &mut Ke
     let is_there = |name: &String| operators.iter().any(|placed| placed.name == *name);
     let wrong: Vec<Wrong> =
         wrong.into_iter().filter(|(name, _)| is_there(name)).flat_map(|(_, own)| own).collect();
-    told(wrong, is_whole, setup, problems);
+    report(wrong, is_whole, setup, problems);
     if problems.is_empty() {
         sort(operators, problems);
     }
 }
 
 /// Returns true if a problem is already reported for the operator of this stream.
-fn is_told(stream: &str, problems: &KeyProblems) -> bool {
+fn is_reported(stream: &str, problems: &KeyProblems) -> bool {
     let operator = stream.split('.').next().unwrap_or_default();
     problems.iter().any(|(key, _)| is_within(key, &format!("operator.{operator}")))
 }
@@ -100,7 +102,7 @@ enum Wrong {
 
 /// Reports the problems of ports. A missing input is not reported where operators are missing for another reason. A
 /// stream that the configuration adds to one already there is reported once rather than for every reader.
-fn told(wrong: Vec<Wrong>, is_whole: bool, setup: &Setup, problems: &mut KeyProblems) {
+fn report(wrong: Vec<Wrong>, is_whole: bool, setup: &Setup, problems: &mut KeyProblems) {
     let mut added: Vec<(String, PayloadType, Vec<String>, Vec<String>)> = Vec::new();
     for wrong in wrong {
         let (operator, port, payload, fits) = match wrong {

@@ -20,7 +20,7 @@ fn run(dir: &Path, more: &[&str]) -> anyhow::Result<String> {
 fn run_with(registry: &Registry, dir: &Path, more: &[&str]) -> anyhow::Result<String> {
     let dir = dir.to_string_lossy();
     let words = ["eval", &dir, "--format", "eth_ucy"].into_iter().chain(more.iter().copied());
-    told(&Cli::try_parse_from(words)?.args, registry)
+    text(&Cli::try_parse_from(words)?.args, registry)
 }
 
 /// Everybody goes on with the velocity of the track; without covariances.
@@ -211,7 +211,7 @@ fn recordings_get_lanes_of_maps_beside_them() {
     let report = || {
         let dir = dir.path().to_string_lossy().into_owned();
         let words = ["eval", &dir].into_iter().chain(more).chain(["--json"]);
-        told(&Cli::try_parse_from(words)?.args, &Registry::standard())
+        text(&Cli::try_parse_from(words)?.args, &Registry::standard())
     };
     let lanes = || serde_json::from_str::<Value>(&report().unwrap()).unwrap()["files"][0]["lanes"].clone();
     let counts = |own: u32, placed: u32, without: u32| serde_json::json!({ "own": own, "placed": placed, "without": without });
