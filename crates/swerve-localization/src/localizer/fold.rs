@@ -22,6 +22,8 @@ const HEADING_HOLDS_M: f64 = 2.0;
 
 /// Until this many fixes are accepted, a refused one restarts the initialisation.
 const TRIED_FIXES: u64 = 3;
+/// A start from fixes whose noise proves to be understated within this time is repeated.
+const TRIED: Span = Span::from_ms(3000);
 
 /// A reading of the inertial unit.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +52,11 @@ pub(super) struct Wheels {
 pub(super) struct Fold {
     /// Measurements collected for initialisation; `None` once it is done.
     start: Option<Start>,
-    /// Heading known beforehand and its standard deviation, radians.
-    heading: Option<[f64; 2]>,
+    /// Heading known beforehand and its standard deviation, radians, and the odometry path up to where it is valid.
+    heading: Option<([f64; 2], Way)>,
     pub(super) filter: Eskf,
+    /// Time of the start from fixes.
+    begun: Option<Time>,
     /// True after a start from a known state: contradicting measurements then cause no restart.
     is_known: bool,
     /// Instant of the filter's state.
@@ -83,7 +87,8 @@ impl Fold {
     pub(super) fn waiting(heading: Option<[f64; 2]>) -> Self {
         Self {
             start: Some(Start::default()),
-            heading,
+            heading: heading.map(|heading| (heading, Way::default())),
+            begun: None,
             is_known: false,
             filter: Begin::default().filter(&Params::default()),
             at: Time::ZERO,
@@ -109,7 +114,7 @@ impl Fold {
     }
 
     pub(super) fn suppose_heading(&mut self, heading: [f64; 2]) {
-        self.heading = Some(heading);
+        self.heading = Some((heading, self.ways[0]));
     }
 
     pub(super) fn filter(&self) -> Option<&Eskf> {
@@ -131,14 +136,27 @@ impl Fold {
                 self.open_leaked(params);
             }
         }
+        let is_begun = self.start.is_none();
+        if is_begun {
+            self.advance(params, entry.stamp, Some(&entry.what));
+        } else {
+            self.wait(entry);
+        }
+        let was_understated = self.fixes[0].is_understated();
+        let entry = &Entry { what: self.weighed(params, entry), ..*entry };
+        let has_just_begun = self.begun.is_some_and(|begun| entry.stamp - begun < TRIED);
+        if has_just_begun && !was_understated && self.fixes[0].is_understated() {
+            self.restart();
+        }
+        let heading = self.known_heading();
         if let Some(start) = &mut self.start {
-            if let Some(begin) = start.take(params, self.heading, entry) {
+            if let Some(begin) = start.take(params, heading, entry) {
                 self.begin(params, entry.stamp, &begin);
+                self.begun = Some(entry.stamp);
             }
             self.remember(params, entry);
             return;
         }
-        self.advance(params, entry.stamp, Some(&entry.what));
         match entry.what {
             Sensed::Imu { .. } => self.constrain(params, entry.stamp),
             Sensed::Fix { at_m, sigma_m } => self.fix(params, entry.stamp, at_m, sigma_m),
@@ -157,6 +175,40 @@ impl Fold {
         self.remember(params, entry);
     }
 
+    /// Advances the odometry paths before initialisation.
+    fn wait(&mut self, entry: &Entry) {
+        if let Sensed::Wheels { speed_mps, curvature_1pm } = entry.what {
+            let curvature_1pm = curvature_1pm.map(|curvature| (entry.stamp, curvature));
+            self.wheels = Wheels { last: Some(entry.stamp), speed_mps, curvature_1pm, ..self.wheels };
+        }
+        let since = if self.at == Time::ZERO { entry.stamp } else { self.at };
+        self.at = entry.stamp;
+        if self.wheels.last.is_some() {
+            self.go((entry.stamp - since).as_secs());
+        }
+    }
+
+    /// The measurement, with the noise of its position as measured where the reported deviation is understated.
+    fn weighed(&mut self, params: &Params, entry: &Entry) -> Sensed {
+        match entry.what {
+            Sensed::Fix { at_m, sigma_m } => {
+                let ratio = self.understated(params, entry.stamp, Source::Fix, (at_m, sigma_m));
+                Sensed::Fix { at_m, sigma_m: sigma_m.map(|s| s * ratio) }
+            }
+            Sensed::Place { at_m, sigma_m } => {
+                let ratio = self.understated(params, entry.stamp, Source::Place, (at_m, sigma_m));
+                Sensed::Place { at_m, sigma_m: sigma_m.map(|s| s * ratio) }
+            }
+            Sensed::Pose { at_m, heading_rad, covariance_m2, sigma } => {
+                let sigma_m = [covariance_m2[0].sqrt(), covariance_m2[2].sqrt(), sigma[0]];
+                let ratio = self.understated(params, entry.stamp, Source::Place, (at_m, sigma_m));
+                let covariance_m2 = covariance_m2.map(|c| c * ratio * ratio);
+                Sensed::Pose { at_m, heading_rad, covariance_m2, sigma }
+            }
+            what => what,
+        }
+    }
+
     pub(super) fn begin(&mut self, params: &Params, stamp: Time, begin: &Begin) {
         self.filter = begin.filter(params);
         (self.at, self.constrained, self.last_fix) = (stamp, stamp, Some(stamp));
@@ -165,11 +217,21 @@ impl Fold {
         self.start = None;
     }
 
-    /// Restarts the initialisation. A heading known beforehand is kept only near the place where it was valid.
+    /// Restarts the initialisation.
     fn restart(&mut self) {
-        let heading = self.heading.filter(|_| self.ways[0].length_m() < HEADING_HOLDS_M);
-        let Self { imu, unit, ways, .. } = *self;
-        *self = Self { imu, unit, ways, ..Self::waiting(heading) };
+        let Self { heading, at, imu, unit, wheels, ways, .. } = *self;
+        let fixes = self.fixes.map(Fixes::cleared);
+        *self = Self { heading, at, imu, unit, wheels, ways, fixes, ..Self::waiting(None) };
+    }
+
+    /// The heading known beforehand, near the place where it was valid; farther away as turned by the gyroscope, if
+    /// the noise of fixes explains why they were refused.
+    fn known_heading(&self) -> Option<[f64; 2]> {
+        let ([heading_rad, sigma_rad], there) = self.heading?;
+        let way = self.ways[0];
+        let is_near = way.length_m() - there.length_m() < HEADING_HOLDS_M;
+        let turned_rad = if is_near { 0.0 } else { way.turned_rad() - there.turned_rad() };
+        (is_near || self.fixes[0].is_understated()).then_some([heading_rad + turned_rad, sigma_rad])
     }
 
     fn remember(&mut self, params: &Params, entry: &Entry) {
@@ -228,10 +290,7 @@ impl Fold {
             }
         }
         let accepted = self.followed(params, Source::Fix, &linear, Some(stamp));
-        self.question(
-            params,
-            &Judged { stamp, source: Source::Fix, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted },
-        );
+        self.question(params, &Judged { stamp, source: Source::Fix, up_m: at_m[2], accepted });
         let tally = self.tally(Source::Fix);
         if !self.filter.is_sound() || (!self.is_known && tally.taken < TRIED_FIXES && tally.refused > 0) {
             self.restart();
@@ -241,10 +300,7 @@ impl Fold {
     fn place(&mut self, params: &Params, stamp: Time, at_m: [f64; 3], sigma_m: [f64; 3]) {
         let linear = self.position(at_m, sigma_m, &Vector3::zeros());
         let accepted = self.followed(params, Source::Place, &linear, Some(stamp));
-        // This is the position of the inertial unit, which serves as well as the ego origin for a few seconds.
-        let judged =
-            Judged { stamp, source: Source::Place, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted };
-        self.question(params, &judged);
+        self.question(params, &Judged { stamp, source: Source::Place, up_m: at_m[2], accepted });
     }
 
     /// Updates by the position of the ego origin, then by its heading.
@@ -259,8 +315,7 @@ impl Fold {
         let lever = -Vector3::from(params.imu_at_m);
         let linear = Linear { noise: *covariance, ..self.position(at_m, [1.0; 3], &lever) };
         let accepted = self.followed(params, Source::Place, &linear, Some(stamp));
-        let sigma_m = covariance[(0, 0)].max(covariance[(1, 1)]).sqrt();
-        self.question(params, &Judged { stamp, source: Source::Place, at_m, sigma_m, accepted });
+        self.question(params, &Judged { stamp, source: Source::Place, up_m: at_m[2], accepted });
         let n = &self.filter.nominal;
         let mut rows = SMatrix::<f64, 1, STATES>::zeros();
         let up = n.attitude.to_rotation_matrix().into_inner().row(2).into_owned();

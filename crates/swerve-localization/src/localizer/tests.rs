@@ -283,6 +283,74 @@ fn spike_of_fixes_is_refused() {
     assert!(largest_m <= 2.0, "{largest_m}");
 }
 
+/// Drives whose fixes have this many times the noise that they report, from this second on.
+fn with_understated_noise(ratio: f64, from_s: f64, mut each: impl FnMut(u64, f64, &Estimate, [f64; 2])) {
+    for seed in 0..20 {
+        let params = Params { offset_m: 0.0, antenna_at_m: [LEVER_M, 0.0, 0.0], ..Params::default() };
+        let mut drive = Drive { fix_sigma_m: 0.02, ..Drive::new(seed, params) };
+        let (measured, way, mut localizer) = (drive.measured(20), drive.way(20), drive.localizer());
+        let extra_m = drive.fix_sigma_m * (ratio * ratio - 1.0).sqrt();
+        for (stamp, mut what) in measured {
+            let t_s = stamp.as_secs();
+            if let Sensed::Fix { at_m, .. } = &mut what {
+                // The rear axle is driven; the antenna is above the inertial unit.
+                let (sin, cos) = math::sin_cos(Drive::turn(t_s)[0]);
+                *at_m = [at_m[0] + LEVER_M * cos, at_m[1] + LEVER_M * sin, at_m[2]];
+                if t_s >= from_s {
+                    *at_m = at_m.map(|x| x + extra_m * drive.rng.normal());
+                }
+            }
+            localizer.take(stamp, what);
+            if let Some(estimate) = localizer.estimate() {
+                each(seed, t_s, &estimate, error_m(&estimate, way[(stamp.ns() / 10_000_000) as usize]));
+            }
+        }
+    }
+}
+
+/// A receiver that reports 0.02 m and has 0.05 to 2 m: the noise is measured, and the filter stays consistent with it.
+#[test]
+fn noise_of_fixes_is_measured_where_it_is_understated() {
+    for (ratio, from_s) in
+        [(2.5, 0.0), (2.5, 8.0), (5.0, 0.0), (5.0, 8.0), (25.0, 0.0), (25.0, 8.0), (100.0, 0.0)]
+    {
+        let (mut nees, mut count, mut largest_m) = (0.0, 0.0, 0.0_f64);
+        with_understated_noise(ratio, from_s, |_, t_s, estimate, [x, y]| {
+            if t_s < from_s + 3.0 {
+                return;
+            }
+            let c = estimate.covariance.fixed_view::<2, 2>(0, 0).try_inverse().unwrap();
+            nees += x * x * c[(0, 0)] + 2.0 * x * y * c[(0, 1)] + y * y * c[(1, 1)];
+            count += 1.0;
+            largest_m = largest_m.max(math::hypot(x, y));
+        });
+        let (nees, sigma_m) = (nees / count, 0.02 * ratio);
+        println!(
+            "{ratio} times, from {from_s} s: NEES {nees:.2} of 2, largest error {:.2} sigma",
+            largest_m / sigma_m
+        );
+        assert!(nees < 4.0, "{ratio}, {from_s}: {nees}");
+        assert!(largest_m < 3.5 * sigma_m, "{ratio}, {from_s}: {largest_m}");
+    }
+}
+
+/// The pose is not `good` while the noise of its fixes is far above what they report.
+#[test]
+fn pose_of_noisy_fixes_is_not_good() {
+    for ratio in [5.0, 25.0, 100.0] {
+        with_understated_noise(ratio, 8.0, |seed, t_s, estimate, _| {
+            if t_s > 9.0 {
+                assert_ne!(estimate.mode, Mode::Good, "{ratio}, {seed}: {t_s} s");
+            }
+        });
+    }
+    with_understated_noise(1.0, 8.0, |seed, t_s, estimate, _| {
+        if t_s > 5.0 {
+            assert_eq!(estimate.mode, Mode::Good, "{seed}: {t_s} s");
+        }
+    });
+}
+
 #[test]
 fn localizer_starts_in_motion_from_the_course() {
     let mut drive = Drive::new(3, Params { offset_m: 0.0, ..Params::default() });

@@ -10,7 +10,7 @@ use swerve_geom::{math, wrap_angle};
 use super::fold::Fold;
 use super::start::Begin;
 use super::unit::UnitHealth;
-use super::window::Aligned;
+use super::window::{Aligned, Fixes};
 use super::{Estimate, Mode, Source, Tally};
 use crate::eskf::{Innovation, from_euler, yaw_rad};
 use crate::params::Params;
@@ -59,19 +59,42 @@ impl Tally {
 pub(super) struct Judged {
     pub(super) stamp: Time,
     pub(super) source: Source,
-    pub(super) at_m: [f64; 3],
-    pub(super) sigma_m: f64,
+    pub(super) up_m: f64,
     pub(super) accepted: bool,
 }
 
+/// Position of the point that a source locates, from the ego origin, metres. That of other sources than satellites is
+/// the inertial unit, which serves as well as the ego origin for a few seconds.
+fn lever_m(params: &Params, source: Source) -> [f64; 3] {
+    if source == Source::Fix { params.antenna_at_m } else { [0.0; 3] }
+}
+
 impl Fold {
+    /// Adds a position to the window of its source; returns the ratio of its noise, as measured in the window, to the
+    /// reported deviation: 1 if that is right or overstated.
+    pub(super) fn understated(
+        &mut self,
+        params: &Params,
+        stamp: Time,
+        source: Source,
+        ([x_m, y_m, _], [sigma_x_m, sigma_y_m, _]): ([f64; 3], [f64; 3]),
+    ) -> f64 {
+        let [forward_m, left_m, _] = lever_m(params, source);
+        let stated_m = sigma_x_m.max(sigma_y_m);
+        let heading_rad = self.filter().map_or(0.0, |filter| yaw_rad(&filter.nominal.attitude));
+        let turn_rad = heading_rad - self.ways[0].turned_rad();
+        let in_doubt = self.tally(source).recent_nis > INCONSISTENT;
+        let fixes = &mut self.fixes[usize::from(source != Source::Fix)];
+        let lever_m = [forward_m, left_m];
+        fixes.take(stamp, ([x_m, y_m], stated_m), &self.ways, lever_m, (turn_rad, in_doubt));
+        fixes.sigma_m(stated_m) / stated_m
+    }
+
     /// Records a position, and realigns the filter if the refusals are due to the filter.
     pub(super) fn question(&mut self, params: &Params, judged: &Judged) {
-        let Judged { stamp, source, at_m: [x_m, y_m, up_m], sigma_m, accepted } = *judged;
-        let lever_m = if source == Source::Fix { params.antenna_at_m } else { [0.0; 3] };
-        let fixes = &mut self.fixes[usize::from(source != Source::Fix)];
-        fixes.take(stamp, ([x_m, y_m], sigma_m), &self.ways, [lever_m[0], lever_m[1]]);
-        fixes.judge(stamp, accepted);
+        let Judged { stamp, source, up_m, accepted } = *judged;
+        let lever_m = lever_m(params, source);
+        self.fixes[usize::from(source != Source::Fix)].judge(stamp, accepted);
         if accepted {
             self.confirmed = self.confirmed.saturating_add(1);
         } else if let Some((aligned, way)) = self.refuted(params, stamp, source) {
@@ -127,7 +150,7 @@ impl Fold {
             by_fix: by_fix && params.offset_m > 0.0,
         };
         self.begin(params, stamp, &begin);
-        self.fixes = Default::default();
+        self.fixes = self.fixes.map(Fixes::cleared);
         (self.confirmed, self.realigned) = (0, Some(stamp));
     }
 
@@ -144,7 +167,7 @@ impl Fold {
         // False for NaN.
         let is_sure = estimate.sigma_m() <= params.lost_sigma_m;
         let is_sound = self.filter().is_some_and(crate::Eskf::is_sound);
-        let is_consistent = tally(self.fixed_by).recent_nis <= INCONSISTENT;
+        let is_consistent = tally(self.fixed_by).recent_nis <= INCONSISTENT && !self.is_noisy();
         if !is_sure || !is_carried || !is_sound || (is_contested && wheels) {
             Mode::Lost
         } else if !is_fixed
@@ -157,6 +180,11 @@ impl Fold {
         } else {
             Mode::Good
         }
+    }
+
+    /// Returns true if the noise of the latest accepted position's source is far above the reported one.
+    fn is_noisy(&self) -> bool {
+        self.fixes[usize::from(self.fixed_by != Source::Fix)].is_understated()
     }
 
     /// Returns true if positions of some source are refused repeatedly, and no other source confirms the filter.

@@ -13,12 +13,21 @@ const KEPT: usize = 12;
 const AGE: Span = Span::from_ms(4000);
 /// Minimum time between stored fixes; a higher rate adds little information.
 const APART: Span = Span::from_ms(95);
-/// Error of odometry over a window, as a share of the distance.
+/// Error of odometry along its path, as a share of the distance.
 const DRIFT: f64 = 0.02;
 /// The same between two neighbouring fixes, which may be on both sides of a bend.
 const STEP_DRIFT: f64 = 0.05;
 /// Largest residual of a consistent window, in standard deviations.
 const OUTLIER: f64 = 3.5;
+/// Noise of fixes counts as understated if it is this many times the reported deviation over as many fixes: less than one
+/// window in a million exceeds either by chance. While the filter is inconsistent with the fixes, less suffices.
+const UNDERSTATED: [(usize, f64); 2] = [(7, 3.5), (MEASURED, 2.2)];
+const UNDERSTATED_IN_DOUBT: [(usize, f64); 2] = [(7, 2.5), (MEASURED, 1.7)];
+/// Measured noise below which the reported deviation is used again, as a ratio to it.
+const STATED: [(usize, f64); 2] = [(7, 1.5), (MEASURED, 1.5)];
+const MEASURED: usize = 23;
+/// Median of a sum of two squares of standard normal numbers.
+const MEDIAN_SQUARES: f64 = 1.386;
 
 /// Odometry path on the ground since the start: east, north, heading.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,6 +44,11 @@ impl Way {
         self.at_m = [self.at_m[0] + forward_m * cos, self.at_m[1] + forward_m * sin];
         self.heading_rad += turned_rad;
         self.length_m += forward_m.abs();
+    }
+
+    /// Turn since the start, radians.
+    pub(super) fn turned_rad(&self) -> f64 {
+        self.heading_rad
     }
 
     /// Length of the path, metres.
@@ -69,6 +83,12 @@ pub(super) struct Fixes {
     /// Number of consecutive refusals, and the time of the first.
     refused: u32,
     since: Option<Time>,
+    /// Squares of the second differences of positions, less those of the path, m², newest last.
+    squares_m2: [f64; MEASURED],
+    compared: usize,
+    /// Deviation of a coordinate as measured, and true while it is far above the reported one.
+    noise_m: f64,
+    is_understated: bool,
 }
 
 /// Position and heading that the fixes agree upon.
@@ -82,8 +102,16 @@ pub(super) struct Aligned {
 }
 
 impl Fixes {
-    /// Adds a fix of a point at `lever_m` from the ego origin.
-    pub(super) fn take(&mut self, stamp: Time, fix: ([f64; 2], f64), ways: &[Way; 2], lever_m: [f64; 2]) {
+    /// Adds a fix of a point at `lever_m` from the ego origin. `turn_rad` is the heading of the path's frame, as far as
+    /// it is known; `in_doubt` is true while the filter is inconsistent with the fixes.
+    pub(super) fn take(
+        &mut self,
+        stamp: Time,
+        fix: ([f64; 2], f64),
+        ways: &[Way; 2],
+        lever_m: [f64; 2],
+        (turn_rad, in_doubt): (f64, bool),
+    ) {
         if self.count > 0 && stamp - self.kept[self.count - 1].stamp < APART {
             return;
         }
@@ -95,6 +123,58 @@ impl Fixes {
         let (fix_m, sigma_m) = fix;
         self.kept[self.count] = Kept { stamp, fix_m, sigma_m, antenna_m, length_m: ways[0].length_m };
         self.count += 1;
+        self.measure(sigma_m, turn_rad, in_doubt);
+    }
+
+    /// An empty window, with the noise as measured before.
+    pub(super) fn cleared(self) -> Self {
+        Self { count: 0, refused: 0, since: None, ..self }
+    }
+
+    /// Measures the noise of the fixes in the second differences of their positions, in which the motion of the car
+    /// cancels but for its acceleration, known from the path. Their variance is six times that of a fix, and their
+    /// median ignores jumps.
+    fn measure(&mut self, stated_m: f64, turn_rad: f64, in_doubt: bool) {
+        let [.., first, middle, last] = &self.kept[..self.count] else { return };
+        let second = |of: fn(&Kept) -> [f64; 2]| -> [f64; 2] {
+            let [first, middle, last] = [first, middle, last].map(of);
+            core::array::from_fn(|i| first[i] - 2.0 * middle[i] + last[i])
+        };
+        let (fixes, [x, y]) = (second(|kept| kept.fix_m), second(|kept| kept.antenna_m[0]));
+        let (sin, cos) = math::sin_cos(turn_rad);
+        let [off_x, off_y] = [fixes[0] - (x * cos - y * sin), fixes[1] - (x * sin + y * cos)];
+        self.squares_m2.rotate_left(1);
+        self.squares_m2[MEASURED - 1] = off_x * off_x + off_y * off_y;
+        self.compared = (self.compared + 1).min(MEASURED);
+        let limits = match (self.is_understated, in_doubt) {
+            (true, _) => STATED,
+            (false, true) => UNDERSTATED_IN_DOUBT,
+            (false, false) => UNDERSTATED,
+        };
+        let measured_m = limits.map(|(count, ratio)| (self.deviation_m(count), ratio * stated_m));
+        self.noise_m = measured_m.iter().fold(0.0, |most_m, (noise_m, _)| noise_m.max(most_m));
+        self.is_understated = measured_m.iter().any(|(noise_m, limit_m)| noise_m > limit_m);
+    }
+
+    /// Deviation of a coordinate of the fixes by the latest differences, metres; 0 for too few.
+    fn deviation_m(&self, count: usize) -> f64 {
+        if self.compared < count {
+            return 0.0;
+        }
+        let mut squares_m2 = self.squares_m2;
+        let latest = &mut squares_m2[MEASURED - count..];
+        latest.sort_by(f64::total_cmp);
+        (latest[count / 2] / (6.0 * MEDIAN_SQUARES)).sqrt()
+    }
+
+    /// Returns true while the noise of the fixes is far above the reported deviation.
+    pub(super) fn is_understated(&self) -> bool {
+        self.is_understated
+    }
+
+    /// Deviation of a fix: as reported, or as measured where that is understated, metres.
+    pub(super) fn sigma_m(&self, stated_m: f64) -> f64 {
+        if self.is_understated { self.noise_m.max(stated_m) } else { stated_m }
     }
 
     /// Records whether the filter accepted the latest fix.
@@ -115,7 +195,7 @@ impl Fixes {
 
     /// Pose of the ego by all fixes of the window, accepted or refused.
     pub(super) fn aligned(&self, ways: &[Way; 2]) -> Option<(Aligned, usize)> {
-        fitted(&self.kept[..self.count], ways)
+        self.fitted(&self.kept[..self.count], ways)
     }
 
     /// Pose of the ego by the refused fixes only.
@@ -123,7 +203,12 @@ impl Fixes {
         let since = self.since?;
         let kept = &self.kept[..self.count];
         let first = kept.iter().position(|kept| kept.stamp >= since)?;
-        fitted(&kept[first..], ways)
+        self.fitted(&kept[first..], ways)
+    }
+
+    /// Fits the first path that is consistent with the fixes; also returns its index.
+    fn fitted(&self, kept: &[Kept], ways: &[Way; 2]) -> Option<(Aligned, usize)> {
+        (0..2).find_map(|which| Some((fit(kept, self.noise_m, which, &ways[which])?, which)))
     }
 
     /// Returns true if the window has at least two fixes from before the refusals.
@@ -133,13 +218,8 @@ impl Fixes {
     }
 }
 
-/// Fits the first path that is consistent with the fixes; also returns its index.
-fn fitted(kept: &[Kept], ways: &[Way; 2]) -> Option<(Aligned, usize)> {
-    (0..2).find_map(|which| Some((fit(kept, which, &ways[which])?, which)))
-}
-
-/// Fits rotation and translation of one path to the fixes; `None` if they are inconsistent.
-fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
+/// Fits rotation and translation of one path to fixes of at least this noise, metres; `None` if they are inconsistent.
+fn fit(kept: &[Kept], noise_m: f64, which: usize, way: &Way) -> Option<Aligned> {
     let count = kept.len() as f64;
     if kept.len() < 3 {
         return None;
@@ -160,9 +240,9 @@ fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
     let (sin, cos) = math::sin_cos(turn_rad);
     let turned = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
     let way_m = kept[kept.len() - 1].length_m - kept[0].length_m;
-    let worst_m = kept.iter().fold(0.0_f64, |worst, one| worst.max(one.sigma_m));
+    let worst_m = kept.iter().fold(noise_m, |worst, one| worst.max(one.sigma_m));
     let sigma_m = math::hypot(worst_m, DRIFT * way_m);
-    if kept.windows(2).any(|pair| is_jump(pair, which, &turned)) {
+    if kept.windows(2).any(|pair| is_jump(pair, noise_m, which, &turned)) {
         return None;
     }
     let mut chi_square = 0.0;
@@ -193,11 +273,11 @@ fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
 }
 
 /// Returns true if two neighbouring fixes are farther apart than odometry and noise explain.
-fn is_jump(pair: &[Kept], which: usize, turned: &dyn Fn([f64; 2]) -> [f64; 2]) -> bool {
+fn is_jump(pair: &[Kept], noise_m: f64, which: usize, turned: &dyn Fn([f64; 2]) -> [f64; 2]) -> bool {
     let [before, after] = [&pair[0], &pair[1]];
     let went = |i: usize| after.antenna_m[which][i] - before.antenna_m[which][i];
     let there = turned(core::array::from_fn(went));
     let [x, y] = core::array::from_fn(|i| after.fix_m[i] - before.fix_m[i] - there[i]);
-    let noise_m = math::hypot(before.sigma_m, after.sigma_m);
+    let noise_m = math::hypot(before.sigma_m.max(noise_m), after.sigma_m.max(noise_m));
     math::hypot(x, y) > OUTLIER * math::hypot(noise_m, STEP_DRIFT * (after.length_m - before.length_m))
 }

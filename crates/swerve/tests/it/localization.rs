@@ -149,6 +149,27 @@ fn drive_continues_through_an_imu_failure() {
     }
 }
 
+/// A receiver whose fixes are 0.06 to 1 m worse than they report, from the start or after 6 s: the filter measures the
+/// noise, and the car stays in its lane.
+#[test]
+fn drive_continues_with_fixes_of_understated_noise() {
+    let bench = Bench::new();
+    bench.write("bends.toml", BENDS);
+    for (noise_m, from_ms) in [(0.06, 0), (0.3, 0), (0.3, 6000), (1.0, 0), (1.0, 6000)] {
+        let fault = format!("fault.worse={{ stream = \"gnss\", noise = {noise_m}, from_ms = {from_ms} }}");
+        let said = bench.good(&["run", "bends.toml", "-c", "localizer", "--set", &fault, "--json"]);
+        let metrics: Value = serde_json::from_str(&said).unwrap();
+        let number = |key: &str| metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap();
+        println!("{noise_m} m: {}", metrics["localization"]);
+        assert_eq!(metrics["verdict"].as_str(), Some("completed"), "{noise_m}, {from_ms}: {metrics}");
+        assert!(number("quality/false_good_max_s") <= 1.0, "{noise_m}, {from_ms}");
+        assert!(
+            number("quality/nees") < 6.0 && number("max_m") < 0.3 + 0.7 * noise_m,
+            "{noise_m}, {from_ms}"
+        );
+    }
+}
+
 /// A lidar that is blind for three seconds is matched to the map again within a second of its first scan.
 #[test]
 fn blind_lidar_is_relocalized_at_the_filters_pose() {
