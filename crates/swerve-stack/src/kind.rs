@@ -330,7 +330,7 @@ pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
     /// Settings; `#[serde(deny_unknown_fields, default)]` makes the type refuse unknown keys.
     type Table: Serialize + DeserializeOwned + Default + 'static;
 
-    /// Place of the settings: `[operator.NAME]`, or a table of the configuration below it.
+    /// Place of the settings: `[operator.NAME]` alone, or on top of a table of the configuration.
     const SECTION: Section<Self::Table> = Section::own(|table, _| Self::problems(table));
 
     /// Builds the operator.
