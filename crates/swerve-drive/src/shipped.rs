@@ -296,7 +296,7 @@ impl Kind {
     pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
         let document = Self::Scenario.document(given)?;
         let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
-        let of_config = swerve_text::keys::<Config>("");
+        let of_config = swerve_text::keys::<Config>("").unwrap_or_default();
         match !has(&is_scenario_key) && has(&|key| of_config.contains(&key)) {
             true => Err(document.problem("", Self::Config.in_place_of(Self::Scenario))),
             false => Ok(document),

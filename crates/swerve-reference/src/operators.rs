@@ -6,9 +6,7 @@ use swerve_msg::Detections;
 use swerve_report::output::print;
 use swerve_stack::Setup;
 use swerve_stack::assembly::COMMON_KEYS;
-use swerve_stack::config::Config;
 use swerve_stack::{OperatorKind, Registry, Settings};
-use swerve_text::Document;
 use swerve_text::did_you_mean;
 
 /// `swerve operators`.
@@ -133,29 +131,16 @@ fn output(port: &OutputInfo) -> Vec<String> {
 fn keys(kind: &dyn OperatorKind) -> String {
     let node = kind.node();
     let mut text = String::new();
-    let own = kind.keys();
-    if !own.is_empty() {
-        text += &format!("\nkeys of [operator.NAME]\n{}", defaults(&own, &[]));
-    }
-    if let Some(section) = node.named_section {
-        let known = swerve_text::keys::<Config>(&format!("{section}.any"));
-        let any = Document::parse("", format!("[{section}.any]")).ok();
-        let entry = any.and_then(|text| text.to::<Config>().ok());
-        let table = entry.and_then(|config| toml::Table::try_from(config).ok());
-        let entry = table.as_ref().and_then(|table| table.get(section)?.get("any")?.as_table()).cloned();
-        text += &format!(
-            "\nkeys of [operator.NAME] or [{section}.NAME]\n{}",
-            defaults(&entry.unwrap_or_default(), known)
-        );
-    }
-    let all = toml::Table::try_from(Config::default()).unwrap_or_default();
-    for section in node.sections {
-        let Some(toml::Value::Table(table)) = all.get(*section) else { continue };
-        let known = swerve_text::keys::<Config>(section);
-        text += &format!(
-            "\nkeys of [{section}], or of [operator.NAME] for one alone\n{}",
-            defaults(table, known)
-        );
+    for section in node.sections() {
+        let title = match section.table() {
+            None => "[operator.NAME]".to_owned(),
+            Some(table) if section.is_of_each() => format!("[operator.NAME] or [{table}.NAME]"),
+            Some(table) => format!("[{table}], or of [operator.NAME] for one alone"),
+        };
+        let keys = defaults(&section.defaults(), section.keys().unwrap_or_default());
+        if !keys.is_empty() {
+            text += &format!("\nkeys of {title}\n{keys}");
+        }
     }
     text
 }

@@ -44,35 +44,32 @@ impl Scenario {
         }
         let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
         crate::parse::scenario(&Document::parse(file, text)?).map_err(|problems| {
-            let told = problems.into_iter().map(|problem| {
+            let told = problems.iter().map(|problem| {
                 let is_of = |(place, _): &&(String, &str)| {
                     problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
                 };
                 let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
                 let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
-                of_set(key, with_key_of_actor(&table, key, problem.message))
+                let near =
+                    problems.known_beside(&problem.key).and_then(|known| near_in_actor(&table, key, known));
+                let nearer = near.map(|near| format!("unknown key; did you mean `{near}`?"));
+                of_set(key, nearer.unwrap_or_else(|| problem.message.clone()))
             });
             told.collect::<Problems>()
         })
     }
 }
 
-/// Replaces the suggestion for an unknown key of an actor by the nearest of all keys within the actor, nested ones
+/// Nearest to an unknown key of an actor: of the known keys, present or not, and all keys within the actor, nested ones
 /// such as `speed_mps` of a motion included.
-fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
+fn near_in_actor<'t>(table: &'t Table, key: &str, known: &[&'t str]) -> Option<&'t str> {
     let parts: Vec<&str> = key.strip_prefix("scenario.").unwrap_or(key).split('.').collect();
-    let ["actor", name, last] = parts[..] else { return message };
-    let actor = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1);
-    let Some(actor) = actor.filter(|_| message.starts_with("unknown key")) else { return message };
+    let ["actor", name, last] = parts[..] else { return None };
+    let actor = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1)?;
     let mut names = Vec::new();
     names_within(actor, &mut names);
     names.retain(|name| *name != last);
-    // The parser suggests the keys that an actor may have, present or not.
-    let offered = message.split(['"', '`']).skip(1).step_by(2);
-    match nearest(last, names.into_iter().chain(offered)) {
-        Some(near) => format!("unknown key; did you mean `{near}`?"),
-        None => message,
-    }
+    nearest(last, names.into_iter().chain(known.iter().copied()))
 }
 
 /// Collects the names of all keys within a value.

@@ -24,7 +24,7 @@ use swerve_text::{did_you_mean, nearest};
 pub use additions::Redirected;
 pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
-pub(crate) use settings::gather_named_sections;
+pub(crate) use settings::give_sections;
 
 /// The operators of a pipeline, in the order of its graph.
 #[derive(Clone)]
@@ -101,9 +101,9 @@ impl Assembly {
     /// Assembles the operators that `config` asks for.
     ///
     /// # Errors
-    /// All problems of `[operator.NAME]` tables and of the operators' inputs, by key.
+    /// All problems of the operators' settings and inputs, by key.
     pub fn new(setup: &Setup) -> anyhow::Result<Self> {
-        let mut problems = KeyProblems::new();
+        let mut problems = setup.problems_of_sections();
         let assembly = Self::with_problems(setup, &mut problems);
         let lines: Vec<String> = problems.iter().map(|(key, message)| format!("{key}: {message}")).collect();
         anyhow::ensure!(lines.is_empty(), lines.join("\n"));
@@ -117,7 +117,7 @@ impl Assembly {
         let node = |own: &OperatorConfig| Some(setup.registry.kind(own.kind.as_deref()?)?.node());
         let mut known: Vec<_> = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
-        let resolved = Arc::new(Resolved::new(setup, problems));
+        let resolved = Arc::new(Resolved::new(setup));
         for (name, own) in entries {
             operators.extend(placed((setup, &resolved), (name, own), problems));
         }
@@ -327,8 +327,9 @@ fn takes_no_part(node: &Node) -> String {
     if let Some(setting) = node.only_with {
         return format!("`{}` takes part where `{setting}` asks for it", node.kind);
     }
-    let sections: Vec<String> = node.sections.iter().map(|section| format!("[{section}]")).collect();
-    let by = if sections.is_empty() { "other keys".to_owned() } else { sections.join(", ") };
+    let tables = node.sections().filter_map(|section| section.table());
+    let tables: Vec<String> = tables.map(|table| format!("[{table}]")).collect();
+    let by = if tables.is_empty() { "other keys".to_owned() } else { tables.join(", ") };
     format!("`{}` takes no part in this pipeline, which is set by {by}", node.kind)
 }
 

@@ -16,7 +16,7 @@ pub mod live;
 pub mod localization;
 pub mod model;
 pub mod monitor;
-mod old_names;
+pub(crate) mod old_names;
 mod operator;
 pub mod perception;
 pub(crate) mod planner;
@@ -55,7 +55,7 @@ use monitor::MonitorConfig;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
-use planner::within;
+use planner::{problems_of_ranges, within};
 pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};
 pub use prediction::{PredictionConfig, PredictorName};
 use process::{ProcessConfig, SharedMemoryConfig};
@@ -64,8 +64,10 @@ use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
 use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
+use crate::kind::KeyProblems;
 use crate::named::Name;
 use crate::registry::Registry;
+use crate::section::{AnySection, Section, of_config};
 use crate::setup::Setup;
 
 /// A whole configuration: operators, their run times, and recording.
@@ -84,7 +86,6 @@ pub struct Config {
     #[ranges(nested)]
     pub sim: SimConfig,
     /// Sensors of the stack.
-    #[ranges(nested)]
     pub sensing: SensingConfig,
     /// Localization of the ego.
     pub localization: LocalizationConfig,
@@ -101,19 +102,14 @@ pub struct Config {
     /// Monitors of single cameras and lidars, by name.
     pub monitor: BTreeMap<String, MonitorConfig>,
     /// The predictor.
-    #[ranges(nested)]
     pub prediction: PredictionConfig,
     /// The motion planner.
-    #[ranges(nested)]
     pub planning: PlanningConfig,
     /// The controller.
-    #[ranges(nested)]
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
-    #[ranges(nested)]
     pub gate: GateConfig,
     /// Execution of detector and planner: periods and deadlines.
-    #[ranges(nested)]
     pub execution: ExecutionConfig,
     /// Recording.
     #[ranges(nested)]
@@ -178,6 +174,21 @@ impl Default for Config {
         }
     }
 }
+
+/// Tables of the configuration that belong to kinds of operators.
+pub(crate) const SECTIONS: [&dyn AnySection; 11] = [
+    &SensingConfig::SECTION,
+    &CameraConfig::SECTION,
+    &RadarConfig::SECTION,
+    &LidarConfig::SECTION,
+    &MonitorConfig::SECTION,
+    &PerceptionConfig::SECTION,
+    &PredictionConfig::SECTION,
+    &PlanningConfig::SECTION,
+    &ControlConfig::SECTION,
+    &GateConfig::SECTION,
+    &ExecutionConfig::SECTION,
+];
 
 /// A table whose keys depend on other keys, in schemas.
 pub(crate) type AnyTable = BTreeMap<String, AnyValue>;
@@ -294,6 +305,13 @@ pub struct SensingConfig {
 }
 
 impl SensingConfig {
+    /// `[sensing]`.
+    pub const SECTION: Section<Self> = of_config!(sensing, Self::problems);
+
+    fn problems(&self, _: &Setup) -> KeyProblems {
+        problems_of_ranges(self)
+    }
+
     /// Origin of the map, for satellite fixes.
     pub fn map_origin(&self) -> Origin {
         Origin {
@@ -387,6 +405,18 @@ pub struct ControlConfig {
     /// Period of the controller, ms.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub period_ms: f64,
+}
+
+impl ControlConfig {
+    /// `[control]`.
+    pub const SECTION: Section<Self> = of_config!(control, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let mut found = problems_of_ranges(self);
+        found.extend(setup.built_controller().err().unwrap_or_default());
+        found.extend(setup.problem_of_pedals());
+        found
+    }
 }
 
 impl Default for ControlConfig {

@@ -14,7 +14,7 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
-use crate::registry::Registry;
+use crate::section::{AnySection, Section};
 use crate::setup::Setup;
 use crate::site::Site;
 
@@ -28,10 +28,8 @@ pub struct Node {
     pub kind: &'static str,
     /// Description in one line.
     pub doc: &'static str,
-    /// Tables of the configuration whose keys `[operator.NAME]` sets for this one operator.
-    pub sections: &'static [&'static str],
-    /// Table with the operator's settings under its name: `[camera.front]` for `front`.
-    pub named_section: Option<&'static str>,
+    /// Its settings; [`sections`](Self::sections) lists them.
+    sections: [Option<&'static dyn AnySection>; 2],
     /// Setting under which it takes part, as written in a configuration; `None` if other keys decide it.
     pub only_with: Option<&'static str>,
     /// Reason that it has to run in the coordinator; `None` if a worker may run it.
@@ -92,8 +90,7 @@ impl Node {
         Self {
             kind,
             doc,
-            sections: &[],
-            named_section: None,
+            sections: [None; 2],
             only_with: None,
             stays: None,
             elsewhere: false,
@@ -119,18 +116,23 @@ impl Node {
         self
     }
 
-    /// Sets the tables of the configuration with its settings.
+    /// Adds settings.
     #[must_use]
-    pub const fn sections(mut self, sections: &'static [&'static str]) -> Self {
-        self.sections = sections;
+    pub const fn section(mut self, section: &'static dyn AnySection) -> Self {
+        let place = if self.sections[0].is_none() { 0 } else { 1 };
+        assert!(self.sections[place].is_none(), "a kind has at most two sections");
+        self.sections[place] = Some(section);
         self
     }
 
-    /// Sets the named table with its settings.
-    #[must_use]
-    pub const fn named_section(mut self, section: &'static str) -> Self {
-        self.named_section = Some(section);
-        self
+    /// Its settings. `[operator.NAME]` sets a key in the first section that has it.
+    pub fn sections(&self) -> impl Iterator<Item = &'static dyn AnySection> + use<> {
+        self.sections.into_iter().flatten()
+    }
+
+    /// Name of the table of the configuration with a table for each operator, if the kind has one.
+    pub(crate) fn table_of_each(&self) -> Option<&'static str> {
+        self.sections().find(|section| section.is_of_each())?.table()
     }
 
     /// Sets the setting under which it takes part.
@@ -195,7 +197,7 @@ impl Node {
 pub struct Settings<'a> {
     /// Name of the operator.
     pub name: &'a str,
-    /// The configuration, with the keys of `[operator.NAME]` applied to the sections of its kind.
+    /// The configuration, in whose sections the keys of `[operator.NAME]` override the values.
     pub setup: &'a Setup,
     /// Message types that the operators of the pipeline publish.
     pub offered: &'a [PayloadType],
@@ -257,20 +259,9 @@ pub trait OperatorKind: Send + Sync {
         self.node().stays
     }
 
-    /// Own keys with their defaults.
-    fn keys(&self) -> toml::Table {
-        toml::Table::new()
-    }
-
     /// Schema of its own keys, if available: `swerve keys` lists them from it.
     fn schema(&self) -> Option<schemars::Schema> {
         None
-    }
-
-    /// Problems of its own keys.
-    fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
-        let unknown = |key: &String| (key.clone(), format!("unknown key: a `{}` has none", self.node().kind));
-        keys.keys().map(unknown).collect()
     }
 
     /// Returns true if it takes part under these settings.
@@ -336,8 +327,11 @@ pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
     /// Description of the kind.
     const NODE: Node;
 
-    /// Keys; `#[serde(deny_unknown_fields, default)]` makes it refuse unknown ones.
-    type Table: Serialize + DeserializeOwned + Default;
+    /// Settings; `#[serde(deny_unknown_fields, default)]` makes the type refuse unknown keys.
+    type Table: Serialize + DeserializeOwned + Default + 'static;
+
+    /// Place of the settings: `[operator.NAME]` alone, or on top of a table of the configuration.
+    const SECTION: Section<Self::Table> = Section::own(|table, _| Self::problems(table));
 
     /// Builds the operator.
     ///
@@ -384,28 +378,14 @@ impl<K> Registered<K> {
 }
 
 impl<K: Kind> Registered<K> {
-    /// Own keys of the operator, already checked.
-    fn table(settings: &Settings<'_>) -> Result<K::Table, String> {
-        // Keys of a section are applied to the configuration instead.
-        if !K::NODE.sections.is_empty() || K::NODE.named_section.is_some() {
-            return Ok(K::Table::default());
-        }
-        let own = settings.setup.operator.get(settings.name).map(|own| own.keys.clone());
-        swerve_text::read(&own.unwrap_or_default()).map_err(|problems| swerve_text::in_one_line(&problems))
+    fn table(settings: &Settings<'_>) -> K::Table {
+        K::SECTION.get(settings.setup, settings.name)
     }
 }
 
 impl<K: Kind> OperatorKind for Registered<K> {
     fn node(&self) -> Node {
-        K::NODE
-    }
-
-    fn keys(&self) -> toml::Table {
-        toml::Table::try_from(K::Table::default()).unwrap_or_default()
-    }
-
-    fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
-        swerve_text::read::<K::Table>(keys).map_or_else(|problems| problems, |table| K::problems(&table))
+        K::NODE.section(const { &K::SECTION })
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
@@ -421,13 +401,13 @@ impl<K: Kind> OperatorKind for Registered<K> {
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
-        K::runtime(&Self::table(settings)?, settings)
+        K::runtime(&Self::table(settings), settings)
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let wrong = |message| anyhow::anyhow!("operator.{}: {message}", site.name());
-        let timer = K::timer(&Self::table(&site.settings()).map_err(wrong)?, &site.settings());
-        let operator = K::new(Self::table(&site.settings()).map_err(wrong)?, site)?;
+        let table = Self::table(&site.settings());
+        let timer = K::timer(&table, &site.settings());
+        let operator = K::new(table, site)?;
         site.add(operator, timer)
     }
 }

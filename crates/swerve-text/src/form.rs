@@ -64,6 +64,11 @@ impl Guessed {
     pub fn holds(&self, key: &str) -> bool {
         self.0.iter().any(|guessed| is_within(key, guessed) || is_within(guessed, key))
     }
+
+    /// Adds the keys of another value, which is at dotted `key`.
+    pub fn extend(&mut self, key: &str, others: Self) {
+        self.0.extend(others.0.into_iter().map(|other| format!("{key}.{other}")));
+    }
 }
 
 /// Deserializes a table as a `T`.
@@ -95,18 +100,18 @@ pub fn built_in<T: DeserializeOwned>(text: &str) -> T {
     first(&table).expect("a test reads every text of the program")
 }
 
-/// Keys that a `T` accepts in the table at dotted `within`; empty if it accepts any, or is not a table.
-pub fn keys<T: DeserializeOwned>(within: &str) -> &'static [&'static str] {
+/// Keys that a `T` accepts in the table at dotted `within`; `None` if it accepts any, or is not a table.
+pub fn keys<T: DeserializeOwned>(within: &str) -> Option<&'static [&'static str]> {
     // An unknown key, whose error lists the known ones.
     const NOBODYS: &str = "\0";
     let key = if within.is_empty() { NOBODYS.to_owned() } else { format!("{within}.{NOBODYS}") };
     let mut table = Table::new();
     if crate::set(&mut table, &key, true.into()).is_err() {
-        return &[];
+        return None;
     }
     match first::<T>(&table).err().map(|fault| fault.kind) {
-        Some(Kind::UnknownKey { wrong, known }) if wrong == NOBODYS => known,
-        _ => &[],
+        Some(Kind::UnknownKey { wrong, known }) if wrong == NOBODYS => Some(known),
+        _ => None,
     }
 }
 

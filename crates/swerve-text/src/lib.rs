@@ -32,4 +32,4 @@ pub use json::from_json;
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};
-pub use words::{did_you_mean, list, nearest, number};
+pub use words::{did_you_mean, list, nearest, number, unknown_key};

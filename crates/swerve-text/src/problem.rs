@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Deref;
 
@@ -44,7 +45,13 @@ pub fn in_one_line(problems: &[KeyProblem]) -> String {
 
 /// All problems of a text, in reporting order.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct Problems(Vec<Problem>);
+pub struct Problems {
+    all: Vec<Problem>,
+    known: KnownKeys,
+}
+
+/// Keys that a table may have, by the full name of an unknown key in it.
+pub(crate) type KnownKeys = BTreeMap<String, Vec<&'static str>>;
 
 impl Problems {
     /// Creates an empty list.
@@ -54,7 +61,17 @@ impl Problems {
 
     /// Adds a problem.
     pub fn push(&mut self, problem: Problem) {
-        self.0.push(problem);
+        self.all.push(problem);
+    }
+
+    /// The same problems, some of which are unknown keys.
+    pub(crate) fn with_known(self, known: KnownKeys) -> Self {
+        Self { known, ..self }
+    }
+
+    /// Keys that the table of an unknown key may have; `None` if a [`TableReader`](crate::TableReader) knows the key.
+    pub fn known_beside(&self, key: &str) -> Option<&[&'static str]> {
+        self.known.get(key).map(Vec::as_slice)
     }
 
     /// Returns `value` if there are no problems.
@@ -62,7 +79,7 @@ impl Problems {
     /// # Errors
     /// These problems, if any.
     pub fn or<T>(self, value: T) -> Result<T, Self> {
-        if self.0.is_empty() { Ok(value) } else { Err(self) }
+        if self.all.is_empty() { Ok(value) } else { Err(self) }
     }
 }
 
@@ -70,7 +87,7 @@ impl Deref for Problems {
     type Target = [Problem];
 
     fn deref(&self) -> &[Problem] {
-        &self.0
+        &self.all
     }
 }
 
@@ -79,32 +96,32 @@ impl IntoIterator for Problems {
     type IntoIter = std::vec::IntoIter<Problem>;
 
     fn into_iter(self) -> Self::IntoIter {
-        self.0.into_iter()
+        self.all.into_iter()
     }
 }
 
 impl Extend<Problem> for Problems {
     fn extend<I: IntoIterator<Item = Problem>>(&mut self, problems: I) {
-        self.0.extend(problems);
+        self.all.extend(problems);
     }
 }
 
 impl FromIterator<Problem> for Problems {
     fn from_iter<I: IntoIterator<Item = Problem>>(problems: I) -> Self {
-        Self(problems.into_iter().collect())
+        Self { all: problems.into_iter().collect(), known: KnownKeys::new() }
     }
 }
 
 impl From<Problem> for Problems {
     fn from(problem: Problem) -> Self {
-        Self(vec![problem])
+        Self::from_iter([problem])
     }
 }
 
 /// Formats one problem per line.
 impl fmt::Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, problem) in self.0.iter().enumerate() {
+        for (i, problem) in self.all.iter().enumerate() {
             let line_break = if i == 0 { "" } else { "\n" };
             write!(f, "{line_break}{problem}")?;
         }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use toml::Value;
 
 use crate::bound::{NAME_MAX, too_long};
+use crate::problem::KnownKeys;
 use crate::words::{describe, did_you_mean, is_shown, list, unknown_key, unknown_name};
 use crate::{Document, Problem, Problems};
 
@@ -37,6 +38,8 @@ pub struct Reading<'d> {
     /// Source of line numbers; without it, problems have no lines.
     document: Option<&'d Document>,
     problems: RefCell<Vec<Problem>>,
+    /// Valid keys beside each unknown one.
+    known: RefCell<KnownKeys>,
     /// Locations of tables that have another name in messages.
     named: RefCell<BTreeMap<String, String>>,
     guesses: Cell<usize>,
@@ -54,6 +57,7 @@ impl<'d> Reading<'d> {
             file: name,
             document: None,
             problems: RefCell::default(),
+            known: RefCell::default(),
             named: RefCell::default(),
             guesses: Cell::new(0),
         }
@@ -92,7 +96,7 @@ impl<'d> Reading<'d> {
             problems.sort();
             problems.dedup();
         }
-        problems.into_iter().collect()
+        Problems::from_iter(problems).with_known(self.known.into_inner())
     }
 
     fn note(&self, place: &str, key: &str, message: String) {
@@ -418,6 +422,7 @@ impl<'r> TableReader<'r> {
         known.dedup();
         for key in self.keys().into_iter().filter(|key| !known.contains(key)) {
             self.report(key, unknown_key(key, &known));
+            self.reading.known.borrow_mut().insert(self.key(key), known.clone());
         }
     }
 }

@@ -42,7 +42,7 @@ pub fn list(names: &[&str]) -> String {
 }
 
 /// Message for an unknown key, with the nearest known one.
-pub(crate) fn unknown_key(wrong: &str, known: &[&str]) -> String {
+pub fn unknown_key(wrong: &str, known: &[&str]) -> String {
     match nearest(wrong, known.iter().copied()) {
         Some(near) => format!("unknown key; did you mean `{near}`?"),
         None if known.is_empty() => "unknown key; expected none".to_owned(),

@@ -95,7 +95,8 @@ fn is_foreign(path: &Path) -> bool {
     const OURS: [&str; 6] = ["road", "expect", "actor", "base", "axis", "span_ms"];
     let Ok(document) = Document::read(path) else { return false };
     let is_ours = |key: &String| {
-        OURS.contains(&key.as_str()) || swerve_text::keys::<Config>("").contains(&key.as_str())
+        OURS.contains(&key.as_str())
+            || swerve_text::keys::<Config>("").is_some_and(|keys| keys.contains(&key.as_str()))
     };
     !document.table.is_empty() && !document.table.keys().any(is_ours)
 }

@@ -138,8 +138,10 @@ impl Cut {
             usual.or(known.first().copied())
         };
         let from = from.or_else(usual).context("the pipeline has no operator to compute again")?;
-        let is_set_by =
-            |name: &&str| assembly.node(name).is_some_and(|node| node.sections.first() == Some(&from));
+        let is_set_by = |name: &&str| {
+            let section = assembly.node(name).and_then(|node| node.sections().next());
+            section.is_some_and(|section| section.table() == Some(from))
+        };
         let at = known.iter().position(|known| *known == from);
         let Some(at) = at.or_else(|| known.iter().position(is_set_by)) else {
             let near = did_you_mean(from, known.iter().copied());

@@ -74,9 +74,9 @@ fn who_would(payload: PayloadType, setup: &Setup) -> String {
             return None;
         }
         let entry = || {
-            node.named_section.map_or_else(
+            node.table_of_each().map_or_else(
                 || format!("[operator.NAME] kind = \"{}\"", node.kind),
-                |section| format!("[{section}.NAME]"),
+                |table| format!("[{table}.NAME]"),
             )
         };
         match (kind.is_there(&settings), node.only_with) {

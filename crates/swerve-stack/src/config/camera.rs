@@ -14,7 +14,10 @@ use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 
-use super::planner::problem;
+use super::planner::{problem, problems_of_ranges};
+use crate::kind::KeyProblems;
+use crate::section::{Section, of_config};
+use crate::setup::Setup;
 
 /// Rendering of the world.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -205,6 +208,9 @@ impl Default for CameraConfig {
 const FOV_DEG: f64 = 90.0;
 
 impl CameraConfig {
+    /// `[camera.NAME]`.
+    pub const SECTION: Section<Self> = of_config!(camera.NAME, Self::problems);
+
     /// Camera with its noise keyed by `noise_seed`.
     pub fn camera(&self, noise_seed: u64) -> Result<Camera, ParamError> {
         let intrinsics = match (self.matrix, self.m_per_px) {
@@ -261,9 +267,13 @@ impl CameraConfig {
         SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling }
     }
 
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        self.faults(&setup.sim.vehicle.shape)
+    }
+
     /// Problems on a vehicle of this shape: keys below the camera's, and messages.
-    pub(super) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
-        let mut faults: Vec<_> = self.out_of_range().into_iter().map(problem).collect();
+    fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
+        let mut faults = problems_of_ranges(self);
         let given = [
             ("fov_deg", self.fov_deg.is_some()),
             ("matrix", self.matrix.is_some()),

@@ -7,7 +7,10 @@ use swerve_core::Ranges;
 use swerve_text::{KeyProblem, overridden};
 
 use super::Config;
-use super::planner::outside;
+use super::planner::{outside, problems_of_ranges, within};
+use crate::kind::KeyProblems;
+use crate::section::{Section, of_config};
+use crate::setup::Setup;
 
 /// The safety gate between the controller and the vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -31,6 +34,23 @@ pub struct GateConfig {
     /// Limits and times that differ from the vehicle's.
     #[schemars(with = "GateParams")]
     pub params: toml::Table,
+}
+
+impl GateConfig {
+    /// `[gate]`.
+    pub const SECTION: Section<Self> = of_config!(gate, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let mut found = problems_of_ranges(self);
+        if let Some(release_at_ms) = self.release_at_ms.filter(|ms| *ms < self.enable_at_ms) {
+            let (low, release) = (self.enable_at_ms, swerve_text::number(release_at_ms));
+            let message =
+                format!("expected an instant not before `enable_at_ms`, which is {low}, found {release}");
+            found.push(("release_at_ms".into(), message));
+        }
+        found.extend(within("params", setup.gate_params().err().unwrap_or_default()));
+        found
+    }
 }
 
 impl Default for GateConfig {
@@ -61,23 +81,11 @@ impl Config {
         params.validate().map_err(outside)?;
         Ok(params)
     }
-
-    pub(super) fn check_gate(&self, told: &mut Vec<(String, String)>) {
-        let gate = &self.gate;
-        if let Some(release_at_ms) = gate.release_at_ms.filter(|ms| *ms < gate.enable_at_ms) {
-            let (low, found) = (gate.enable_at_ms, swerve_text::number(release_at_ms));
-            told.push((
-                "gate.release_at_ms".into(),
-                format!("expected an instant not before `enable_at_ms`, which is {low}, found {found}"),
-            ));
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Setup;
     use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {

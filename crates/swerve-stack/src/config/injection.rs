@@ -229,7 +229,7 @@ impl Setup {
         for (placed, output) in assembly.streams().filter(|(_, output)| !output.silent) {
             let Some(corruptible) = self.registry.corruptible(output.port.payload) else { continue };
             let is_first = placed.outputs.first().is_some_and(|first| first.stream == output.stream);
-            let by_operator = is_first && placed.kind.node().named_section.is_none();
+            let by_operator = is_first && placed.kind.node().table_of_each().is_none();
             let name = if by_operator { &placed.name } else { &output.stream };
             streams.push((name.clone(), (corruptible.carries)(&output.port.name)));
         }

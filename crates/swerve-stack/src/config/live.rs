@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
-use swerve_text::list;
+use swerve_text::{KeyProblem, list};
 
 use crate::controllers::AnyController;
 use crate::setup::Setup;
@@ -106,22 +106,27 @@ impl LiveConfig {
 }
 
 impl Setup {
+    /// Problem of a controller of pedals for a vehicle, by its key in `control`.
+    pub(super) fn problem_of_pedals(&self) -> Option<KeyProblem> {
+        let controllers = &self.registry.controllers;
+        let accelerates = |name: &str| controllers.get(name).is_none_or(AnyController::accelerates);
+        if self.live.is_none() || accelerates(self.controller()) {
+            return None;
+        }
+        let names: Vec<&str> = controllers.names().filter(|name| accelerates(name)).collect();
+        let message = format!(
+            "expected one of {}: \"{}\" knows pedals only, and what goes to a vehicle is an acceleration",
+            list(&names),
+            self.controller()
+        );
+        Some(("controller".to_owned(), message))
+    }
+
     pub(super) fn check_live(&self, told: &mut Vec<(String, String)>) {
         let Some(live) = &self.live else { return };
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
         if live.route.is_empty() {
             tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
-        }
-        let controllers = &self.registry.controllers;
-        let accelerates = |name: &str| controllers.get(name).is_none_or(AnyController::accelerates);
-        if !accelerates(self.controller()) {
-            let names: Vec<&str> = controllers.names().filter(|name| accelerates(name)).collect();
-            let message = format!(
-                "expected one of {}: \"{}\" knows pedals only, and what goes to a vehicle is an acceleration",
-                list(&names),
-                self.controller()
-            );
-            tell("control.controller", message);
         }
         // Problems of the table itself are reported by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };

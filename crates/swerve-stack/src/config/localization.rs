@@ -94,13 +94,6 @@ impl LocalizationConfig {
 
 impl Setup {
     pub(super) fn check_localization(&self, faults: &mut Vec<(String, String)>) {
-        if let Some([from_m, to_m]) = self.planning.slow_by_sigma_m
-            && from_m > to_m
-        {
-            let message =
-                format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
-            faults.push(("planning.slow_by_sigma_m".into(), message));
-        }
         if let Some(message) = self.registry.localizers.problem(self.localization.localizer.as_str()) {
             faults.push(("localization.localizer".into(), message));
         }

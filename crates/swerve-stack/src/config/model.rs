@@ -13,8 +13,12 @@ use swerve_text::{KeyProblem, did_you_mean, number, overridden};
 use super::detectors::{Published, find, fits, published};
 use super::execution::span_ms;
 use super::perception::{CUSTOM, TRUTH};
-use super::planner::{outside, within};
+use super::planner::{outside, problems_of_ranges, within};
 use super::{Config, PlannerName};
+use crate::assembly::scheduled_operator;
+use crate::kind::{KeyProblems, Scheduled};
+use crate::section::{Section, of_config};
+use crate::setup::Setup;
 
 /// The four execution models compared by D3 (Gog et al., EuroSys 2022).
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -77,6 +81,32 @@ pub struct ExecutionConfig {
     /// Parameters of the deadline policy that differ from its defaults (`swerve_planning::deadline`).
     #[schemars(with = "Params")]
     pub params: toml::Table,
+}
+
+impl ExecutionConfig {
+    /// `[execution]`.
+    pub const SECTION: Section<Self> = of_config!(execution, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let mut found = problems_of_ranges(self);
+        let used = self.model.has_lengths();
+        let detects = scheduled_operator(setup, Scheduled::Detector).is_some();
+        let lengths =
+            [(Scheduled::Detector, self.detector_ms, detects), (Scheduled::Planner, self.planner_ms, true)];
+        for (scheduled, ms, runs) in lengths {
+            if ms.is_none() || used && runs {
+                continue;
+            }
+            let message = if runs || !used {
+                "only `periodic` and `static_deadlines` have use for it"
+            } else {
+                "there is no detector"
+            };
+            found.push((scheduled.key().to_owned(), message.to_owned()));
+        }
+        found.extend(within("params", setup.deadline_params().err().unwrap_or_default()));
+        found
+    }
 }
 
 /// An implementation of a detector or planner that may be chosen for a frame.
@@ -206,7 +236,6 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Setup;
     use crate::assembly::Assembly;
     use swerve_text::{Document, parse_assignment};
 

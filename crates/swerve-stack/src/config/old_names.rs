@@ -23,7 +23,7 @@ const REMOVED: [(&str, &str); 2] = [
 ];
 
 /// The problem, with the present name if its key is an old one.
-pub(super) fn with_present_name((key, message): KeyProblem) -> KeyProblem {
+pub(crate) fn with_present_name((key, message): KeyProblem) -> KeyProblem {
     let parts: Vec<&str> = key.split('.').collect();
     let is = |old: &str| {
         let old: Vec<&str> = old.split('.').collect();

@@ -152,13 +152,5 @@ impl Config {
                 faults.push((key("uses"), message));
             }
         }
-        for (planner, by_fineness) in &self.planning.cost {
-            for (fineness, cost) in by_fineness {
-                if let Err(problem) = cost.model_by_key() {
-                    let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
-                    faults.extend(within(&key, vec![problem]));
-                }
-            }
-        }
     }
 }

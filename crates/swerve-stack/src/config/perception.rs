@@ -12,8 +12,9 @@ use super::detectors::{find, fits, published};
 use super::planner::{outside, within};
 use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
-use crate::kind::Scheduled;
+use crate::kind::{KeyProblems, Scheduled};
 use crate::registry::Registry;
+use crate::section::{Section, of_config};
 use crate::setup::Setup;
 use crate::trackers::{NamedTracker as _, TrackerSetup};
 
@@ -71,6 +72,26 @@ pub struct Emulated {
 }
 
 impl PerceptionConfig {
+    /// `[perception]`.
+    pub const SECTION: Section<Self> = of_config!(perception, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let mut found = KeyProblems::new();
+        if let Some(name) = self.camera.as_ref().filter(|name| !setup.camera.contains_key(*name)) {
+            let names: Vec<&str> = setup.camera.keys().map(String::as_str).collect();
+            let near = did_you_mean(name, names.iter().copied());
+            let message = format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", "));
+            found.push(("camera".to_owned(), message));
+        }
+        found.extend(self.emulated().err().unwrap_or_default());
+        let tracker = setup.tracker_behind(&setup.noise_behind_detector());
+        found.extend(tracker.err().unwrap_or_default());
+        // Rungs have the detector's own parameters, and so the same problems.
+        let rungs = setup.detector_rungs().err().unwrap_or_default();
+        found.extend(rungs.into_iter().filter(|(key, _)| !key.starts_with("params")));
+        found
+    }
+
     /// Returns true if a detector is emulated.
     pub fn emulates(&self) -> bool {
         self.detector != TRUTH
@@ -142,17 +163,22 @@ impl Setup {
         expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
     }
 
-    pub(super) fn check_perception(&self, told: &mut Vec<(String, String)>) {
-        let perception = &self.perception;
-        let mut tell = |(key, message): (&str, String)| told.push((format!("perception.{key}"), message));
-        if let Some(name) = perception.camera.as_ref().filter(|name| !self.camera.contains_key(*name)) {
-            let names: Vec<&str> = self.camera.keys().map(String::as_str).collect();
-            let near = did_you_mean(name, names.iter().copied());
-            tell((
-                "camera",
-                format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", ")),
-            ));
-        }
+    /// Errors of the detector in front of the tracker: without an emulated one, those of the emulation's defaults.
+    pub(super) fn noise_behind_detector(&self) -> detector::Params {
+        let emulated = self.perception.emulated().unwrap_or_default();
+        emulated.map_or_else(Default::default, |emulated| emulated.params)
+    }
+
+    /// Builds the tracker behind a detector with these errors.
+    ///
+    /// # Errors
+    /// Problems by their keys in `perception`.
+    pub(super) fn tracker_behind(
+        &self,
+        behind: &detector::Params,
+    ) -> Result<Box<dyn GroundTracker>, Vec<KeyProblem>> {
+        let of = TrackerSetup { behind, sightings_max: self.prediction.sightings() };
+        self.perception.built_tracker(&self.registry, of)
     }
 }
 

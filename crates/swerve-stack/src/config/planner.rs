@@ -1,6 +1,6 @@
 //! Construction of a planner from its name, preset, discretisation and parameters.
 
-use swerve_core::ParamError;
+use swerve_core::{ParamError, Ranges};
 use swerve_planning::comfort::{self, Comfort};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::{Ahead, CollisionMode, Planner};
@@ -81,25 +81,29 @@ fn original(
     }))
 }
 
-/// Rules that a configuration names, or their problems, each by its key.
-pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, String)>> {
-    let key = |key: &str| format!("planning.rules.{key}");
-    let rules: Rules = overridden(&planning.rules_of_era(), &planning.rules)
-        .map_err(|found| within("planning.rules", found))?;
+/// Rules that a configuration names, or their problems, each by its key in `planning`.
+pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<KeyProblem>> {
+    let rules: Rules =
+        overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| within("rules", found))?;
     if planning.preset != Preset::Paper {
         let only = "only the preset `paper` has one";
-        let era = planning.era.map(|_| ("planning.era".to_owned(), only.to_owned()));
-        let rule = planning.rules.keys().next().map(|rule| (key(rule), only.to_owned()));
+        let era = planning.era.map(|_| ("era".to_owned(), only.to_owned()));
+        let rule = planning.rules.keys().next().map(|rule| (format!("rules.{rule}"), only.to_owned()));
         let wrong: Vec<_> = era.into_iter().chain(rule).collect();
         return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
     }
     let ours = matches!(planning.collision(), CollisionMode::MayStop | CollisionMode::Risk);
     if ours && planning.planner.is_paper() {
         let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
-        return Err(vec![("planning.collision".into(), message)]);
+        return Err(vec![("collision".into(), message)]);
     }
-    rules.validate(planning.planner.original()).map_err(|error| within("planning.rules", outside(error)))?;
+    rules.validate(planning.planner.original()).map_err(|error| within("rules", outside(error)))?;
     Ok(rules)
+}
+
+/// Problems of all numbers out of their ranges.
+pub(crate) fn problems_of_ranges(settings: &impl Ranges) -> Vec<KeyProblem> {
+    settings.out_of_range().into_iter().map(problem).collect()
 }
 
 /// Problem of a parameter out of its range.

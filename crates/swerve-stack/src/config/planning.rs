@@ -14,10 +14,13 @@ use swerve_pylot::{Era, Original, Preset, Rules};
 use swerve_text::KeyProblem;
 
 use super::execution::Runtime;
-use super::planner;
+use super::planner::{self, problems_of_ranges, within};
+use crate::kind::KeyProblems;
 use crate::named::Name;
 use crate::planners::{AnyPlanner, NamedPlanner as _};
 use crate::registry::Registry;
+use crate::section::{Section, of_config};
+use crate::setup::Setup;
 
 /// Name of a motion planner: a built-in one, or one that [`Registry::with_planner`](crate::Registry::with_planner) adds.
 pub type PlannerName = Name<BuiltInPlanner>;
@@ -195,6 +198,37 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
+    /// `[planning]`.
+    pub const SECTION: Section<Self> = of_config!(planning, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let registry = &setup.registry;
+        let mut found = problems_of_ranges(self);
+        if let Some([from_m, to_m]) = self.slow_by_sigma_m
+            && from_m > to_m
+        {
+            let message =
+                format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
+            found.push(("slow_by_sigma_m".into(), message));
+        }
+        for (planner, by_fineness) in &self.cost {
+            for (fineness, cost) in by_fineness {
+                let key = format!("cost.{}.{}", planner.as_str(), fineness.as_str());
+                found.extend(within(&key, cost.model_by_key().err().into_iter().collect()));
+            }
+        }
+        let rungs = setup.planner_rungs().unwrap_or_else(|(key, message)| {
+            found.push((key.to_owned(), message));
+            Vec::new()
+        });
+        found.extend(self.rules().err().unwrap_or_default());
+        found.extend(self.problems_of_names(registry));
+        let params = core::iter::once(&self.params).chain(rungs.iter().map(|rung| &rung.what));
+        let wrong = params.into_iter().find_map(|params| self.planner_with(registry, params).err());
+        found.extend(within("params", wrong.unwrap_or_default()));
+        found
+    }
+
     /// Planner of this configuration, with its parameters.
     ///
     /// # Errors
@@ -224,8 +258,8 @@ impl PlanningConfig {
         named.filter_map(problem).collect()
     }
 
-    /// Rules of the paper's preset for the chosen planner, or their problems, each by its key.
-    pub fn rules(&self) -> Result<Rules, Vec<(String, String)>> {
+    /// Rules of the paper's preset for the chosen planner, or their problems, each by its key in `planning`.
+    pub fn rules(&self) -> Result<Rules, Vec<KeyProblem>> {
         planner::rules(self)
     }
 

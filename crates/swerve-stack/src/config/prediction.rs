@@ -8,10 +8,13 @@ use swerve_prediction::{Horizon, Predictor};
 use swerve_pylot::Preset;
 use swerve_text::KeyProblem;
 
-use super::planner::within;
+use super::planner::{problems_of_ranges, within};
+use crate::kind::KeyProblems;
 use crate::named::Name;
 use crate::predictors::{AnyPredictor, Linear, NamedPredictor as _, PredictorSetup};
 use crate::registry::Registry;
+use crate::section::{Section, of_config};
+use crate::setup::Setup;
 
 /// Name of a predictor: a built-in one, or one that [`Registry::with_predictor`] adds.
 pub type PredictorName = Name<swerve_prediction::PredictorName>;
@@ -62,6 +65,16 @@ const LONG_PAST: usize = 64;
 const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
+    /// `[prediction]`.
+    pub const SECTION: Section<Self> = of_config!(prediction, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let mut found = problems_of_ranges(self);
+        found.extend(self.file_weights().err().map(|message| ("weights".to_owned(), message)));
+        found.extend(self.built(&setup.registry, None).err().unwrap_or_default());
+        found
+    }
+
     /// Returns true if road users that drive along the road are predicted along it.
     pub(crate) fn follows_road(&self, registry: &Registry) -> bool {
         let always = registry.predictors.get(self.predictor.as_str()).is_some_and(AnyPredictor::is_on_road);

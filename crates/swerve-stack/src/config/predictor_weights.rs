@@ -5,8 +5,8 @@ use std::path::Path;
 use swerve_prediction::learned::Weights;
 use swerve_prediction::{PredictorName, shipped};
 
+use super::PredictionConfig;
 use super::camera_detectors::WEIGHTS_MAX;
-use super::{Config, PredictionConfig};
 
 impl PredictionConfig {
     /// Weights of `prediction.weights`; `None` where the key is absent.
@@ -31,14 +31,6 @@ impl PredictionConfig {
             |name: &PredictorName| shipped(*name).is_some_and(|of| of.shape.model == weights.shape.model);
         let found = learned.find(is_of).map_or("another net", PredictorName::name);
         Err(format!("{path}: expected weights of `{name}`, found weights of `{found}`"))
-    }
-}
-
-impl Config {
-    pub(super) fn check_predictor_weights(&self, faults: &mut Vec<(String, String)>) {
-        if let Err(problem) = self.prediction.file_weights() {
-            faults.push(("prediction.weights".to_owned(), problem));
-        }
     }
 }
 

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use swerve_text::{Document, KeyProblem, Problem, Problems};
+use swerve_text::{Document, Guessed, KeyProblem, Misread, Problem, Problems};
 
-use super::Config;
 use super::car::fill_in;
 use super::old_names::with_present_name;
 use super::process::with_whole_paths;
-use crate::assembly::gather_named_sections;
+use super::{Config, SECTIONS};
+use crate::assembly::give_sections;
 use crate::kind::KeyProblems;
 use crate::registry::Registry;
 use crate::setup::Setup;
@@ -70,17 +70,20 @@ impl Setup {
     /// Reads a file as written; its problems have their lines. Problems found later are those of an assignment.
     fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
-        gather_named_sections(&mut table, registry);
         fill_in(&mut table);
-        let problem = |key: &str, message| document.problem(&as_written(document, key), message);
-        let misread = match swerve_text::read_meant::<Config>(&table) {
-            Ok(config) => return Self::new(config, registry).checked(problem),
-            Err(misread) => misread,
+        let problem = |key: &str, message| document.problem(&as_written(&document.table, key), message);
+        let (config, mut faults, mut guessed) = match swerve_text::read_meant::<Config>(&table) {
+            Ok(config) => (Some(config), Vec::new(), Guessed::default()),
+            Err(Misread { problems, meant, guessed }) => (meant, problems, guessed),
         };
-        let (mut faults, guessed) = (misread.problems, misread.guessed);
+        let mut setup = config.map(|config| Self::new(config, registry));
+        faults.extend(setup.iter_mut().flat_map(|setup| give_sections(setup, &mut guessed)));
         let of_form = faults.len();
-        if let Some(meant) = misread.meant {
-            Self::new(meant, registry).check(&mut faults);
+        if let Some(setup) = &setup {
+            setup.check(&mut faults);
+        }
+        if let Some(setup) = setup.filter(|_| faults.is_empty()) {
+            return Ok(setup);
         }
         let told = faults.into_iter().enumerate();
         let told = told.filter(|(i, (key, _))| *i < of_form || !guessed.holds(key)).map(|(_, fault)| fault);
@@ -94,10 +97,12 @@ impl Setup {
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
         Self::formed(registry, document, sets)?.checked(|key, message| {
-            let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
-            match set {
+            let set = |key: &str| {
+                sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key))
+            };
+            match under_operator(key).and_then(|other| set(&other)).or_else(|| set(key)) {
                 Some((k, _)) => set_problem(k, message),
-                None => document.problem(key, message),
+                None => document.problem(&as_written(&document.table, key), message),
             }
         })
     }
@@ -115,13 +120,14 @@ impl Setup {
                 .map_err(|(key, message)| set_problem(&key, message))?;
         }
         let mut table = with_whole_paths(table, Path::new(""));
-        gather_named_sections(&mut table, registry);
         fill_in(&mut table);
-        let config: Config = swerve_text::read(&table).map_err(|found| {
+        let problems = |found: KeyProblems| {
             let named = found.into_iter().map(with_present_name);
             named.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
-        })?;
-        Ok(Self::new(config, registry))
+        };
+        let mut setup = Self::new(swerve_text::read(&table).map_err(problems)?, registry);
+        let found = give_sections(&mut setup, &mut Guessed::default());
+        if found.is_empty() { Ok(setup) } else { Err(problems(found)) }
     }
 
     fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Problems> {
@@ -148,16 +154,25 @@ fn in_order(
     problems.into_iter().collect()
 }
 
-/// Key of an entry such as `[camera.front]` that is written as `[operator.front] kind = "camera"`.
-fn as_written(document: &Document, key: &str) -> String {
-    let mut parts = key.splitn(3, '.');
-    let (section, name) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    let has = |table: &str| document.table.get(table).and_then(|table| table.get(name)).is_some();
-    let is_moved = section != "operator" && !name.is_empty() && !has(section) && has("operator");
-    match is_moved {
-        true => format!("operator{}", &key[section.len()..]),
-        false => key.to_owned(),
-    }
+/// Key under `[operator.NAME]` of a key of a table for one operator, such as `[camera.NAME]`.
+fn under_operator(key: &str) -> Option<String> {
+    let (section, rest) = key.split_once('.')?;
+    let is_of_each = SECTIONS.iter().any(|of| of.table() == Some(section) && of.is_of_each());
+    is_of_each.then(|| format!("operator.{rest}"))
+}
+
+/// Key as written: `[camera.front]` may be `[operator.front] kind = "camera"`.
+fn as_written(table: &toml::Table, key: &str) -> String {
+    let has = |key: &str, depth: usize| {
+        let parts: Vec<&str> = key.split(['.', '[']).take(depth).collect();
+        let first = table.get(parts[0]);
+        let found = first.and_then(|first| parts[1..].iter().try_fold(first, |at, part| at.get(part)));
+        parts.len() == depth && found.is_some()
+    };
+    let Some(other) = under_operator(key) else { return key.to_owned() };
+    // The operator's value overrides that of the table.
+    let moved = has(&other, 3) || !has(key, 3) && !has(key, 2) && has(&other, 2);
+    if moved { other } else { key.to_owned() }
 }
 
 fn set_problem(key: &str, message: impl Into<String>) -> Problem {

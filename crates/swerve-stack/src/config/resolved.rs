@@ -5,18 +5,15 @@ use swerve_core::Span;
 use swerve_perception::detector;
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
-use swerve_text::{KeyProblem, number};
+use swerve_text::number;
 use toml::Value;
 
 use super::execution::{Runtime, span_ms};
 use super::model::{Model, Rung};
 use super::perception::Emulated;
-use super::planner::within;
 use super::{Config, OperatorConfig};
-use crate::assembly::scheduled_operator;
-use crate::kind::{KeyProblems, Scheduled};
+use crate::kind::Scheduled;
 use crate::setup::Setup;
-use crate::trackers::TrackerSetup;
 
 /// Resolved settings of a configuration. Operators are built from it and read no text.
 #[derive(Clone, Debug)]
@@ -40,58 +37,18 @@ pub struct Resolved {
 }
 
 impl Resolved {
-    /// Resolves all settings. Problems are reported by key, and defaults take the place of wrong settings.
-    pub fn new(config: &Setup, told: &mut KeyProblems) -> Self {
-        let mut tell = |section: &str, problems: Vec<KeyProblem>| told.extend(within(section, problems));
-        let vehicle = &config.sim.vehicle;
-        let gate = config.gate_params().unwrap_or_else(|found| {
-            tell("gate.params", found);
-            GateParams::new(vehicle)
-        });
-        let deadlines = config.deadline_params().unwrap_or_else(|found| {
-            tell("execution.params", found);
-            deadline::Params::default()
-        });
+    /// Resolves all settings. Defaults replace invalid ones.
+    pub fn new(config: &Setup) -> Self {
+        let gate = config.gate_params().unwrap_or_else(|_| GateParams::new(&config.sim.vehicle));
+        let deadlines = config.deadline_params().unwrap_or_default();
         let perception = &config.perception;
-        let detector = perception.emulated().unwrap_or_else(|found| {
-            tell("perception", found);
-            None
-        });
-        // Without an emulated detector its noise is that of the emulation's defaults.
-        let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params);
-        let of = TrackerSetup { behind: &behind, sightings_max: config.prediction.sightings() };
-        let tracker = perception.built_tracker(&config.registry, of);
-        let tracker_hits_min = tracker.map(|tracker| tracker.hits_min()).unwrap_or_else(|found| {
-            tell("perception", found);
-            1
-        });
-        // Rungs have the detector's own parameters, and so the same problems.
-        let detector_rungs = config.detector_rungs().unwrap_or_else(|mut found| {
-            found.retain(|(key, _)| !key.starts_with("params"));
-            tell("perception", found);
-            Vec::new()
-        });
-        let planner_rungs = config.planner_rungs().unwrap_or_else(|(key, message)| {
-            tell("planning", vec![(key.to_owned(), message)]);
-            Vec::new()
-        });
-        let planning = &config.planning;
-        let rules = planning.rules().unwrap_or_else(|found| {
-            tell("", found);
-            planning.rules_of_era()
-        });
-        tell("planning", planning.problems_of_names(&config.registry));
-        let built = |params| planning.planner_with(&config.registry, params);
-        let on_ladder = planner_rungs.iter().find_map(|rung| built(&rung.what).err());
-        if let Some(found) = built(&planning.params).err().or(on_ladder) {
-            tell("planning.params", found);
-        }
-        if let Err(found) = config.built_controller() {
-            tell("control", found);
-        }
-        if let Err(found) = config.prediction.built(&config.registry, None) {
-            tell("prediction", found);
-        }
+        let detector = perception.emulated().unwrap_or_default();
+        let behind = config.noise_behind_detector();
+        let tracker = config.tracker_behind(&behind);
+        let tracker_hits_min = tracker.map_or(1, |tracker| tracker.hits_min());
+        let detector_rungs = config.detector_rungs().unwrap_or_default();
+        let planner_rungs = config.planner_rungs().unwrap_or_default();
+        let rules = config.planning.rules().unwrap_or_else(|_| config.planning.rules_of_era());
         Self { gate, deadlines, detector, detector_rungs, behind, tracker_hits_min, planner_rungs, rules }
     }
 }
@@ -152,29 +109,5 @@ impl Scheduled {
             wrong.push(("runtime", "the rungs of its ladder say what this operator takes"));
         }
         wrong
-    }
-}
-
-impl Setup {
-    /// Checks `[execution]`.
-    pub(super) fn check_execution(&self, told: &mut KeyProblems) {
-        let execution = &self.execution;
-        let used = execution.model.has_lengths();
-        let detects = scheduled_operator(self, Scheduled::Detector).is_some();
-        let lengths = [
-            (Scheduled::Detector, execution.detector_ms, detects),
-            (Scheduled::Planner, execution.planner_ms, true),
-        ];
-        for (scheduled, ms, runs) in lengths {
-            if ms.is_none() || used && runs {
-                continue;
-            }
-            let message = if runs || !used {
-                "only `periodic` and `static_deadlines` have use for it"
-            } else {
-                "there is no detector"
-            };
-            told.push((format!("execution.{}", scheduled.key()), message.into()));
-        }
     }
 }

@@ -10,9 +10,10 @@ use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTimi
 use swerve_text::{did_you_mean, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
-use super::planner::problem;
+use super::planner::{problem, problems_of_ranges};
 use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
+use crate::section::{Section, of_config};
 use crate::setup::Setup;
 
 /// Problems, by key.
@@ -47,6 +48,13 @@ pub struct RadarConfig {
 }
 
 impl RadarConfig {
+    /// `[radar.NAME]`.
+    pub const SECTION: Section<Self> = of_config!(radar.NAME, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> Faults {
+        self.faults(&setup.sim.vehicle.shape)
+    }
+
     /// Radar on this vehicle.
     pub fn radar(&self, vehicle: &VehicleParams) -> Result<Radar, Faults> {
         Ok(Radar::new(self.params()?, self.mount(&vehicle.shape), vehicle))
@@ -79,7 +87,7 @@ impl RadarConfig {
 
     fn faults(&self, shape: &Shape) -> Faults {
         let mut told = self.params().err().unwrap_or_default();
-        told.extend(self.out_of_range().into_iter().map(problem));
+        told.extend(problems_of_ranges(self));
         told.extend(mount_faults(&self.mount(shape), shape));
         told
     }
@@ -121,6 +129,13 @@ pub struct LidarConfig {
 }
 
 impl LidarConfig {
+    /// `[lidar.NAME]`.
+    pub const SECTION: Section<Self> = of_config!(lidar.NAME, Self::problems);
+
+    fn problems(&self, setup: &Setup) -> Faults {
+        self.faults(&setup.sim.vehicle.shape, setup.sim.dt_ms)
+    }
+
     /// Specification of the lidar, its noise keyed by `seed`.
     pub fn spec(&self, seed: u64) -> Result<LidarSpec, Faults> {
         let beside = [("beams", "beams_deg"), ("rate_hz", "rate_hz")];
@@ -174,7 +189,7 @@ impl LidarConfig {
     }
 
     fn faults(&self, shape: &Shape, dt_ms: f64) -> Faults {
-        let mut told: Faults = self.out_of_range().into_iter().map(problem).collect();
+        let mut told = problems_of_ranges(self);
         match self.spec(0) {
             Ok(spec) if spec.rate_hz * dt_ms > 1000.0 => {
                 let message = format!(
@@ -280,14 +295,6 @@ impl Config {
                 told.push((format!("{kind}.{name}"), message));
             }
         }
-        let shape = &self.sim.vehicle.shape;
-        let mut within = |kind: &str, name: &str, faults: Faults| {
-            told.extend(faults.into_iter().map(|(key, message)| (format!("{kind}.{name}.{key}"), message)));
-        };
-        self.camera.iter().for_each(|(name, camera)| within("camera", name, camera.faults(shape)));
-        self.radar.iter().for_each(|(name, radar)| within("radar", name, radar.faults(shape)));
-        let dt_ms = self.sim.dt_ms;
-        self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
     }
 }
 

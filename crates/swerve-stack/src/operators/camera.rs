@@ -53,7 +53,7 @@ pub(super) fn on_its_way(settings: &Settings<'_>) -> Option<OnItsWay> {
 impl OperatorKind for Cameras {
     fn node(&self) -> Node {
         Node::sensor("camera", "a camera on the ego: colour, depth, classes, identities")
-            .named_section("camera")
+            .section(&CameraConfig::SECTION)
             .heavy(Heavy::OnWallClock)
             .origin()
             .on_demand()

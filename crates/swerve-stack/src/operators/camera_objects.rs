@@ -17,7 +17,8 @@ use crate::config::model::{Model, Rung};
 use crate::config::planner::problem;
 use crate::detectors::DetectorRung;
 use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
-use crate::registry::Registry;
+use crate::section::Section;
+use crate::setup::Setup;
 use crate::site::Site;
 
 /// Past poses kept to find the one at an image's stamp and to estimate the body's pitch until then: at 100 Hz.
@@ -67,7 +68,7 @@ struct Out {
 /// Implementations that may be chosen for a frame.
 type Rungs = Vec<Rung<Box<dyn CameraDetector>>>;
 
-fn problems(table: &CameraObjectsTable, registry: &Registry) -> KeyProblems {
+fn problems(table: &CameraObjectsTable, Setup { registry, .. }: &Setup) -> KeyProblems {
     let mut found: KeyProblems = table.out_of_range().into_iter().map(problem).collect();
     // With a wrong rung, the detector is that of the table without one.
     let other = CameraObjectsTable { rung: CameraObjectsTable::default().rung, ..table.clone() };
@@ -128,21 +129,13 @@ fn table(settings: &Settings<'_>) -> CameraObjectsTable {
 impl OperatorKind for CameraObjects {
     fn node(&self) -> Node {
         Node::new("camera_objects", "boxes of people, cars, trucks and cyclists in a camera's images")
+            .section(const { &Section::own(problems) })
             .heavy(Heavy::Yes)
             .scheduled(Scheduled::Detector)
     }
 
     fn schema(&self) -> Option<schemars::Schema> {
         Some(schemars::schema_for!(CameraObjectsTable))
-    }
-
-    fn keys(&self) -> toml::Table {
-        toml::Table::try_from(CameraObjectsTable::default()).unwrap_or_default()
-    }
-
-    fn problems(&self, keys: &toml::Table, registry: &Registry) -> KeyProblems {
-        swerve_text::read::<CameraObjectsTable>(keys)
-            .map_or_else(|problems| problems, |table| problems(&table, registry))
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {

@@ -14,7 +14,7 @@ use swerve_text::{KeyProblem, in_one_line};
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use super::odom::LocalPoses;
-use crate::config::Config;
+use crate::config::{Config, ControlConfig};
 use crate::controllers::{NamedController as _, Pid};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::setup::Setup;
@@ -49,7 +49,7 @@ fn asks_for_motion(config: &Config) -> bool {
 impl OperatorKind for Controllers {
     fn node(&self) -> Node {
         Node::new("controller", "follows the newest plan by the law of `control.controller`")
-            .sections(&["control"])
+            .section(&ControlConfig::SECTION)
             .stays("it is the actuation")
     }
 

@@ -11,7 +11,7 @@ use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obs
 use swerve_vehicle::VehicleParams;
 
 use crate::assembly::Placed;
-use crate::config::model::Model;
+use crate::config::model::{ExecutionConfig, Model};
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
@@ -66,7 +66,7 @@ pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Dea
 impl OperatorKind for DeadlinePolicy {
     fn node(&self) -> Node {
         Node::new("deadline_policy", "deadlines of detector and planner by what is ahead")
-            .sections(&["execution"])
+            .section(&ExecutionConfig::SECTION)
             .only_with("execution.model = \"dynamic_deadlines\"")
             .stays("it sets the deadlines of other operators")
     }

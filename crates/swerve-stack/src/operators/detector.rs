@@ -12,7 +12,7 @@ use swerve_perception::detector::{Detector, Params};
 use super::ladder::{on_ladder, take};
 use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
-use crate::config::perception::image_camera;
+use crate::config::perception::{PerceptionConfig, image_camera};
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
@@ -66,7 +66,7 @@ fn is_plain(settings: &Settings<'_>) -> bool {
 impl OperatorKind for EmulatedDetector {
     fn node(&self) -> Node {
         Node::new("emulated_detector", "boxes of a published accuracy and run time, made from truth")
-            .sections(&["perception"])
+            .section(&PerceptionConfig::SECTION)
             .only_with("perception.detector = \"NAME\"")
             .stays("sensors are where the world is")
             .scheduled(Scheduled::Detector)

@@ -14,9 +14,9 @@ use swerve_perception::image_box::ImageCamera;
 
 use crate::config::camera::CameraConfig;
 use crate::config::perception::image_camera;
-use crate::config::planner::problem;
-use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
-use crate::registry::Registry;
+use crate::config::planner::problems_of_ranges;
+use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Past poses kept to find those at the stamps of the inputs.
@@ -70,30 +70,17 @@ struct In {
 /// Ports that exist only where `reads` names them.
 const NAMED: [&str; 4] = ["camera", "lidar", "radar", "depth"];
 
-impl Table {
-    /// Own keys of the operator, already checked.
-    fn of(settings: &Settings<'_>) -> Self {
-        let own = settings.setup.operator.get(settings.name).map(|own| own.keys.clone());
-        own.and_then(|keys| swerve_text::read(&keys).ok()).unwrap_or_default()
-    }
-}
+/// Its settings.
+const SECTION: Section<Table> = Section::own(|table, _| problems_of_ranges(table));
 
 impl OperatorKind for Fusions {
     fn node(&self) -> Node {
         Node::new("fusion", "one list of the objects of a camera and a lidar, with a radar's speeds")
+            .section(&SECTION)
     }
 
     fn schema(&self) -> Option<schemars::Schema> {
         Some(schemars::schema_for!(Table))
-    }
-
-    fn keys(&self) -> toml::Table {
-        toml::Table::try_from(Table::default()).unwrap_or_default()
-    }
-
-    fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
-        swerve_text::read::<Table>(keys)
-            .map_or_else(|problems| problems, |table| table.out_of_range().into_iter().map(problem).collect())
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
@@ -115,7 +102,7 @@ impl OperatorKind for Fusions {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let (name, config, settings) = (site.name().to_owned(), site.config(), site.settings());
-        let table = Table::of(&settings);
+        let table = SECTION.get(config, &name);
         let own = config.operator.get(&name);
         let is_read = |port: &str| own.is_some_and(|own| own.reads.contains_key(port));
         ensure!(

@@ -9,7 +9,9 @@ use swerve_control::safety_gate::{GateInput, SafetyGate};
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
 use swerve_msg::{EgoState, GateOutput, MotionCommand, Plan, PoseQuality, Switch, VehicleReport, WireAlarm};
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::gate::GateConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Runs the gate's state machine at its period, on the newest inputs.
@@ -38,21 +40,21 @@ pub(super) struct In {
 
 impl Kind for Gate {
     const NODE: Node = Node::new("safety_gate", "what may reach a vehicle: limits, time-outs, stops")
-        .sections(&["gate"])
         .only_with("gate.enabled = true")
         .stays("it is the safety gate");
-    type Table = NoKeys;
+    type Table = GateConfig;
+    const SECTION: Section<GateConfig> = GateConfig::SECTION;
 
     fn is_there(settings: &Settings<'_>) -> bool {
         settings.setup.gate.enabled || settings.setup.live.is_some()
     }
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+    fn new(_: GateConfig, site: &Site<'_>) -> anyhow::Result<Self> {
         Ok(Self(SafetyGate::new(site.resolved().gate)?))
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(every(span_of_ms(settings.setup.gate.period_ms)))
+    fn timer(gate: &GateConfig, _: &Settings<'_>) -> Option<Timer> {
+        Some(every(span_of_ms(gate.period_ms)))
     }
 }
 

@@ -5,7 +5,9 @@ use swerve_msg::Gnss;
 use swerve_msg::truth::WorldState;
 use swerve_sim::sense::GnssReceiver;
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::SensingConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Publishes satellite fixes.
@@ -21,16 +23,16 @@ pub(super) struct In {
 }
 
 impl Kind for Receiver {
-    const NODE: Node = Node::sensor("gnss", "satellite fixes").sections(&["sensing"]).on_demand();
-    type Table = NoKeys;
+    const NODE: Node = Node::sensor("gnss", "satellite fixes").on_demand();
+    type Table = SensingConfig;
+    const SECTION: Section<SensingConfig> = SensingConfig::SECTION;
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
-        Ok(Self(GnssReceiver::new(config.sensing.gnss.clone(), site.name(), config.seed)))
+    fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self(GnssReceiver::new(sensing.gnss, site.name(), site.config().seed)))
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.gnss_period_ms)))
+    fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(sensing.gnss_period_ms)))
     }
 }
 

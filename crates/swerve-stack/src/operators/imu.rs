@@ -5,7 +5,9 @@ use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
 use swerve_sim::sense::InertialUnit;
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::SensingConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Publishes accelerations and turn rates of the inertial unit.
@@ -21,19 +23,18 @@ pub(super) struct In {
 }
 
 impl Kind for ImuSensor {
-    const NODE: Node =
-        Node::sensor("imu", "accelerations and turn rates of the inertial unit").sections(&["sensing"]);
-    type Table = NoKeys;
+    const NODE: Node = Node::sensor("imu", "accelerations and turn rates of the inertial unit");
+    type Table = SensingConfig;
+    const SECTION: Section<SensingConfig> = SensingConfig::SECTION;
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+    fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
         let config = site.config();
-        let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
         let period = span_of_ms(sensing.imu_period_ms);
-        Ok(Self(InertialUnit::new(sensing.imu, vehicle, period, site.name(), config.seed)))
+        Ok(Self(InertialUnit::new(sensing.imu, &config.sim.vehicle, period, site.name(), config.seed)))
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.imu_period_ms)))
+    fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(sensing.imu_period_ms)))
     }
 }
 

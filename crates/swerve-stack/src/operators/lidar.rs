@@ -43,7 +43,7 @@ struct Out {
 impl OperatorKind for Lidars {
     fn node(&self) -> Node {
         Node::sensor("lidar", "a lidar on the ego: the points of each turn, and what they lie on")
-            .named_section("lidar")
+            .section(&LidarConfig::SECTION)
             .heavy(Heavy::OnWallClock)
             .origin()
             .on_demand()

@@ -6,7 +6,9 @@ use swerve_msg::truth::WorldState;
 use swerve_sim::sense::{SensorMount, SensorParams, TrafficLightSensor};
 
 use super::obstacles::sight;
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::SensingConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Publishes signals of the scenario's lights, with the limits of the obstacle sensor.
@@ -30,17 +32,17 @@ impl Kind for LightSensor {
         "traffic_light_sensor",
         "signals of traffic lights, cut by range, field of view and occlusion",
     )
-    .sections(&["sensing"])
     .on_demand();
-    type Table = NoKeys;
+    type Table = SensingConfig;
+    const SECTION: Section<SensingConfig> = SensingConfig::SECTION;
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let (mount, params) = sight(site.config());
+    fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
+        let (mount, params) = sight(&sensing, &site.config().sim.vehicle.shape);
         Ok(Self { sensor: TrafficLightSensor::new(&site.surroundings().scenario.road), mount, params })
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.period_ms)))
+    fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(sensing.period_ms)))
     }
 }
 

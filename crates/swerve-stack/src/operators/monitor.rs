@@ -4,6 +4,7 @@ use swerve_core::{Digest, Hasher};
 use swerve_flow::{At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo};
 use swerve_msg::{Image, Packable, PointCloud, SensorHealth};
 
+use crate::config::monitor::MonitorConfig;
 use crate::kind::{Heavy, Node, OperatorKind, Settings};
 use crate::site::Site;
 
@@ -27,7 +28,7 @@ struct Clouds {
 impl OperatorKind for Monitors {
     fn node(&self) -> Node {
         Node::new("sensor_monitor", "detects a frozen, blank or broken camera or lidar")
-            .named_section("monitor")
+            .section(&MonitorConfig::SECTION)
             .heavy(Heavy::OnWallClock)
             .follows_from_world()
     }

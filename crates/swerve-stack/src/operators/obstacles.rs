@@ -8,11 +8,12 @@ use swerve_geom::Pose2;
 use swerve_msg::truth::{Surroundings, WorldState};
 use swerve_msg::{LocalPose, ObstacleList};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
+use swerve_vehicle::Shape;
 
 use super::relative::{Motion, pose_at};
-use crate::config::Config;
-use crate::config::Source;
 use crate::config::camera::CameraConfig;
+use crate::config::perception::PerceptionConfig;
+use crate::config::{Config, SensingConfig, Source};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
@@ -25,7 +26,7 @@ pub struct ObstacleSight {
 impl ObstacleSight {
     /// Visibility for the obstacle sensor or, if given, for `camera`.
     pub fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
-        let (mut mount, mut params) = sight(config);
+        let (mut mount, mut params) = sight(&config.sensing, &config.sim.vehicle.shape);
         if let Some(camera) = camera {
             let ([x_m, y_m, z_m], yaw_rad) = (camera.at_m, camera.yaw_deg.to_radians());
             mount = SensorMount { x_m, y_m, z_m, yaw_rad };
@@ -46,9 +47,8 @@ impl ObstacleSight {
 }
 
 /// Mount of the obstacle sensor, and its limits.
-pub(super) fn sight(config: &Config) -> (SensorMount, SensorParams) {
-    let sensing = &config.sensing;
-    let mount = sensing.mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape));
+pub(super) fn sight(sensing: &SensingConfig, shape: &Shape) -> (SensorMount, SensorParams) {
+    let mount = sensing.mount.unwrap_or_else(|| SensorMount::roof(shape));
     let params = SensorParams {
         range_m: sensing.range_m,
         range_person_m: sensing.range_person_m,
@@ -107,7 +107,8 @@ fn has_detector(settings: &Settings<'_>) -> bool {
 impl OperatorKind for ObstacleSensor {
     fn node(&self) -> Node {
         Node::sensor("obstacle_sensor", "simulator state cut by range, field of view and occlusion")
-            .sections(&["sensing", "perception"])
+            .section(&SensingConfig::SECTION)
+            .section(&PerceptionConfig::SECTION)
             .origin()
     }
 

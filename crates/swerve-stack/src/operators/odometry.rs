@@ -6,7 +6,9 @@ use swerve_msg::truth::WorldState;
 use swerve_sim::sense::{WheelOdometer, rolling_speeds_radps};
 use swerve_vehicle::VehicleParams;
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::SensingConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Publishes the wheel encoders' readings, from the second tick on.
@@ -25,19 +27,19 @@ pub(super) struct In {
 }
 
 impl Kind for Odometry {
-    const NODE: Node =
-        Node::sensor("wheel_odometry", "encoders of the wheels").sections(&["sensing"]).on_demand();
-    type Table = NoKeys;
+    const NODE: Node = Node::sensor("wheel_odometry", "encoders of the wheels").on_demand();
+    type Table = SensingConfig;
+    const SECTION: Section<SensingConfig> = SensingConfig::SECTION;
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+    fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
         let config = site.config();
         let vehicle = config.sim.vehicle.clone();
-        let odometer = WheelOdometer::new(config.sensing.odometry, &vehicle, site.name(), config.seed);
+        let odometer = WheelOdometer::new(sensing.odometry, &vehicle, site.name(), config.seed);
         Ok(Self { odometer, vehicle })
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.odometry_period_ms)))
+    fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(sensing.odometry_period_ms)))
     }
 }
 

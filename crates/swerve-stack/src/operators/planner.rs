@@ -24,7 +24,7 @@ use super::odom::{LocalPoses, carried};
 use super::pose_trust::{Here, PoseTrust, Stop};
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
-use crate::config::{Config, StartState};
+use crate::config::{Config, PlanningConfig, StartState};
 use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
 use crate::setup::Setup;
 use crate::site::{Site, Surroundings};
@@ -72,7 +72,7 @@ struct LadderOut {
 impl OperatorKind for Planners {
     fn node(&self) -> Node {
         Node::new("planner", "motion planner, chosen by `planning.planner`")
-            .sections(&["planning"])
+            .section(&PlanningConfig::SECTION)
             .heavy(Heavy::Yes)
             .scheduled(Scheduled::Planner)
     }

@@ -5,7 +5,9 @@ use swerve_msg::EgoState;
 use swerve_msg::truth::WorldState;
 use swerve_sim::sense::{self, PoseParams};
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::SensingConfig;
+use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::section::Section;
 use crate::site::Site;
 
 /// Publishes the true pose with errors.
@@ -24,17 +26,16 @@ pub(crate) struct In {
 }
 
 impl Kind for PoseSensor {
-    const NODE: Node =
-        Node::sensor("pose_sensor", "localization, as good as its errors let it be").sections(&["sensing"]);
-    type Table = NoKeys;
+    const NODE: Node = Node::sensor("pose_sensor", "localization, as good as its errors let it be");
+    type Table = SensingConfig;
+    const SECTION: Section<SensingConfig> = SensingConfig::SECTION;
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let config = site.config();
-        Ok(Self { params: config.sensing.pose, seed: config.seed })
+    fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self { params: sensing.pose, seed: site.config().seed })
     }
 
-    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
-        Some(settings.drawn_timer(span_of_ms(settings.setup.sensing.pose_period_ms)))
+    fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(sensing.pose_period_ms)))
     }
 }
 

@@ -14,6 +14,7 @@ use swerve_prediction::{Ground, Horizon, Predictor, Telling, foretold};
 use swerve_sim::{Ahead, SimParams};
 use swerve_text::{KeyProblem, in_one_line};
 
+use crate::config::PredictionConfig;
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::predictors::{NamedPredictor as _, Truth};
 use crate::site::Site;
@@ -66,7 +67,7 @@ fn is_told(settings: &Settings<'_>) -> bool {
 impl OperatorKind for Predictors {
     fn node(&self) -> Node {
         Node::new("predictor", "predicted motions of tracks, by the predictor that the configuration names")
-            .sections(&["prediction"])
+            .section(&PredictionConfig::SECTION)
     }
 
     fn stays(&self, settings: &Settings<'_>) -> Option<&'static str> {

@@ -14,6 +14,8 @@ use crate::config::is_plain_name;
 use crate::config::planner::problem;
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
 use crate::registry::Registry;
+use crate::section::Section;
+use crate::setup::Setup;
 use crate::site::Site;
 
 /// Operators written in Python.
@@ -71,13 +73,14 @@ fn reading(text: &str, registry: &Registry) -> Result<(PortMode, PayloadType), S
 }
 
 impl Table {
-    /// Keys of an operator; empty if they are invalid, which is reported where the keys are checked.
+    const SECTION: Section<Self> = Section::own(Self::problems);
+
     fn of(settings: &Settings<'_>) -> Self {
-        let own = settings.setup.operator.get(settings.name).map(|own| &own.keys);
-        own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
+        Self::SECTION.get(settings.setup, settings.name)
     }
 
-    fn problems(&self, registry: &Registry) -> KeyProblems {
+    fn problems(&self, setup: &Setup) -> KeyProblems {
+        let registry = &setup.registry;
         let mut told = KeyProblems::new();
         let inputs =
             self.inputs.iter().map(|(port, text)| ("inputs", port, reading(text, registry).map(drop)));
@@ -104,19 +107,12 @@ impl Table {
 impl OperatorKind for Python {
     fn node(&self) -> Node {
         Node::new("python", "an operator written in Python, with the ports that the configuration declares")
+            .section(&Table::SECTION)
             .elsewhere()
     }
 
     fn schema(&self) -> Option<schemars::Schema> {
         Some(schemars::schema_for!(Table))
-    }
-
-    fn keys(&self) -> toml::Table {
-        toml::Table::try_from(Table::default()).unwrap_or_default()
-    }
-
-    fn problems(&self, keys: &toml::Table, registry: &Registry) -> KeyProblems {
-        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems(registry))
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {

@@ -9,6 +9,7 @@ use swerve_msg::truth::{RadarSources, WorldState};
 use swerve_sim::sense::Radar;
 
 use super::camera::on_its_way;
+use crate::config::sensors::RadarConfig;
 use crate::kind::{Node, OnItsWay, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
@@ -42,7 +43,7 @@ struct Out {
 impl OperatorKind for Radars {
     fn node(&self) -> Node {
         Node::sensor("radar", "a radar on the ego: range, range rate and azimuth of echoes")
-            .named_section("radar")
+            .section(&RadarConfig::SECTION)
             .origin()
             .on_demand()
             .follows_from_world()

@@ -26,7 +26,7 @@ struct In {
 impl OperatorKind for EnableSwitch {
     fn node(&self) -> Node {
         Node::new("enable_switch", "the person who enables the safety gate, and may stop the car")
-            .sections(&["gate"])
+            .section(&GateConfig::SECTION)
             .only_with("gate.enabled = true")
             .stays("it is the vehicle's side of the safety gate")
     }

@@ -10,6 +10,8 @@ use swerve_text::{KeyProblem, in_one_line};
 
 use super::odom::LocalPoses;
 use super::relative::{Motion, in_odom};
+use crate::config::PredictionConfig;
+use crate::config::perception::PerceptionConfig;
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 use crate::trackers::TrackerSetup;
@@ -56,7 +58,8 @@ struct HistoryTracker {
 impl OperatorKind for Trackers {
     fn node(&self) -> Node {
         Node::new("tracker", "tracks of boxes, or of obstacles with their identities")
-            .sections(&["perception", "prediction"])
+            .section(&PerceptionConfig::SECTION)
+            .section(&PredictionConfig::SECTION)
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
