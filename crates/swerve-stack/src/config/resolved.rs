@@ -1,20 +1,16 @@
 //! Settings that operators are built from: typed and checked, from the configuration as it applies to one of them.
 
 use swerve_control::safety_gate::GateParams;
-use swerve_core::Span;
 use swerve_perception::detector;
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
-use swerve_text::{KeyProblem, number};
-use toml::Value;
+use swerve_text::KeyProblem;
 
-use super::execution::{Runtime, span_ms};
-use super::model::{Model, Rung};
 use super::perception::Emulated;
 use super::planner::within;
-use super::{Config, OperatorConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
+use crate::schedule::Rung;
 use crate::setup::Setup;
 use crate::trackers::TrackerSetup;
 
@@ -27,14 +23,10 @@ pub struct Resolved {
     pub deadlines: deadline::Params,
     /// The emulated detector, if there is one.
     pub detector: Option<Emulated>,
-    /// Ladder of that detector, the fastest rung first; empty without a ladder.
-    pub detector_rungs: Vec<Rung<detector::Params>>,
     /// Errors of the detector in front of the tracker: without an emulated one, those of the emulation's defaults.
     pub behind: detector::Params,
     /// Number of boxes after which the tracker behind a detector reports a track of a person.
     pub tracker_hits_min: usize,
-    /// Ladder of the planner, the fastest rung first, each with the parameters that define it; empty without a ladder.
-    pub planner_rungs: Vec<Rung<toml::Table>>,
     /// The rules of the paper's preset for the chosen planner.
     pub rules: Rules,
 }
@@ -65,12 +57,9 @@ impl Resolved {
             tell("perception", found);
             1
         });
-        // Rungs have the detector's own parameters, and so the same problems.
-        let detector_rungs = config.detector_rungs().unwrap_or_else(|mut found| {
-            found.retain(|(key, _)| !key.starts_with("params"));
-            tell("perception", found);
-            Vec::new()
-        });
+        if let Err(message) = config.detector_rungs() {
+            tell("perception", vec![("ladder".to_owned(), message)]);
+        }
         let planner_rungs = config.planner_rungs().unwrap_or_else(|(key, message)| {
             tell("planning", vec![(key.to_owned(), message)]);
             Vec::new()
@@ -81,8 +70,13 @@ impl Resolved {
             planning.rules_of_era()
         });
         tell("planning", planning.problems_of_names(&config.registry));
-        let built = |params| planning.planner_with(&config.registry, params);
-        let on_ladder = planner_rungs.iter().find_map(|rung| built(&rung.what).err());
+        let built = |params: &toml::Table| planning.planner_with(&config.registry, params);
+        let on_rung = |rung: &Rung| {
+            let mut params = planning.params.clone();
+            params.extend(rung.keys["params"].as_table().cloned().unwrap_or_default());
+            built(&params).err()
+        };
+        let on_ladder = planner_rungs.iter().find_map(on_rung);
         if let Some(found) = built(&planning.params).err().or(on_ladder) {
             tell("planning.params", found);
         }
@@ -92,7 +86,7 @@ impl Resolved {
         if let Err(found) = config.prediction.built(&config.registry, None) {
             tell("prediction", found);
         }
-        Self { gate, deadlines, detector, detector_rungs, behind, tracker_hits_min, planner_rungs, rules }
+        Self { gate, deadlines, detector, behind, tracker_hits_min, rules }
     }
 }
 
@@ -103,55 +97,6 @@ impl Scheduled {
             Self::Detector => "detector_ms",
             Self::Planner => "planner_ms",
         }
-    }
-
-    /// Period or fixed deadline of an operator, under the models that have one: the configured one, else its fixed run
-    /// time or that of its highest rung; `takes_ms` is the run time given by its kind.
-    ///
-    /// # Errors
-    /// No key gives a length, or it is out of range.
-    pub(crate) fn length(
-        self,
-        config: &Config,
-        own: &OperatorConfig,
-        resolved: &Resolved,
-        takes_ms: Option<[f64; 2]>,
-    ) -> Result<Option<Span>, String> {
-        let execution = &config.execution;
-        if !execution.model.has_lengths() {
-            return Ok(None);
-        }
-        let (given, top) = match self {
-            Self::Detector => (execution.detector_ms, takes_ms.map(|[_, most_ms]| most_ms)),
-            Self::Planner => {
-                (execution.planner_ms, resolved.planner_rungs.last().map(|rung| rung.run_time.as_ms()))
-            }
-        };
-        let fixed = own.runtime.as_ref().and_then(|runtime| runtime.fixed_ms);
-        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, as no fixed run time gives them")?;
-        if !(1.0..=10_000.0).contains(&ms) {
-            return Err(format!("expected 1 to 10000, found {}", number(ms)));
-        }
-        span_ms(ms).map(Some)
-    }
-
-    /// Problems of `[operator.NAME]` of an operator that a model schedules, by key.
-    pub(crate) fn problems(self, config: &Config, own: &OperatorConfig) -> Vec<(&'static str, &'static str)> {
-        let mut wrong = Vec::new();
-        let deadlines = matches!(config.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
-        if own.deadline.is_some() && deadlines {
-            wrong.push(("deadline", "`execution.model` sets the deadline of this operator"));
-        }
-        let ladder = match self {
-            Self::Detector => {
-                config.perception.ladder || own.keys.get("ladder").and_then(Value::as_bool) == Some(true)
-            }
-            Self::Planner => config.planning.ladder.is_some(),
-        };
-        if ladder && own.runtime.as_ref().is_some_and(|runtime: &Runtime| runtime.model().is_ok()) {
-            wrong.push(("runtime", "the rungs of its ladder say what this operator takes"));
-        }
-        wrong
     }
 }
 
