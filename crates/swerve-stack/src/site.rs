@@ -108,7 +108,7 @@ impl Site<'_> {
     /// Stream of deadlines of this name: over a feedback edge, if its operator is added later.
     ///
     /// # Errors
-    /// There is no such stream.
+    /// It is not a stream of deadlines.
     pub(crate) fn lengths(&mut self, stream: &str) -> anyhow::Result<Source<Span>> {
         let Building { graph, loops, .. } = &mut *self.building;
         if let Some(known) = graph.stream(stream) {

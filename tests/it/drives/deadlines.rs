@@ -230,13 +230,18 @@ fn any_operator_takes_the_rung_that_meets_its_deadline() {
         let taken: Vec<&str> = taken.map(|(.., rung)| rung.as_str()).collect();
         assert!(taken.len() >= 10 && taken.iter().all(|taken| *taken == rung), "{deadline}: {taken:?}");
         assert!(seen.steps_of("predictor").all(|(_, lasts)| lasts == Span::from_ms(lasts_ms)), "{deadline}");
-        assert!(outcome.rungs.text().contains(&format!("predictor took {rung} ")), "{}", outcome.rungs.text());
+        assert!(
+            outcome.rungs.text().contains(&format!("predictor took {rung} ")),
+            "{}",
+            outcome.rungs.text()
+        );
     }
 }
 
 #[test]
 fn any_operator_runs_on_a_timer() {
-    let every = ["operator.tracker.every_ms=70", "operator.predictor.every_ms=30", "execution.model=data_driven"];
+    let every =
+        ["operator.tracker.every_ms=70", "operator.predictor.every_ms=30", "execution.model=data_driven"];
     let (seen, _) = drive(&every, 4000, &mut []);
     for (operator, period_ms) in [("tracker", 70), ("predictor", 30)] {
         let starts: Vec<Time> = seen.steps_of(operator).map(|(start, _)| start).collect();

@@ -5,7 +5,7 @@ use swerve_core::Span;
 use super::net::{Net, at, ms};
 use crate::*;
 
-/// A variant of an operator, which counts its steps and those of the variants before it.
+/// A variant of an operator, with the number of steps as its state.
 struct Variant {
     name: &'static str,
     steps: usize,
@@ -55,7 +55,7 @@ impl Variant {
     }
 }
 
-/// Ladder of these variants, by their run times in ms.
+/// Ladder of variants with their run times, ms.
 fn ladder<const N: usize>(rungs: [(i64, Variant); N]) -> Ladder<Variant, i64> {
     Ladder {
         rungs: rungs.into_iter().map(|(run_time, variant)| (ms(run_time), variant)).collect(),
@@ -66,7 +66,7 @@ fn ladder<const N: usize>(rungs: [(i64, Variant); N]) -> Ladder<Variant, i64> {
     }
 }
 
-/// Answers and reports of a graph with a stream `work.answer`, each with its publication in ms.
+/// Answers of the operator `work` with the instants of their publication, ms, and the reports of its rungs.
 fn answers(mut net: Net, until_ms: i64) -> (Vec<(String, i64)>, Vec<i64>) {
     #[derive(Default)]
     struct Seen(Vec<(String, i64)>, Vec<i64>);
@@ -88,7 +88,7 @@ fn answers(mut net: Net, until_ms: i64) -> (Vec<(String, i64)>, Vec<i64>) {
     (seen.0, seen.1)
 }
 
-/// A ladder behind frames every 100 ms, whose deadline has these lengths by frame.
+/// Answers and reports of a ladder that reads frames every 100 ms, under a deadline.
 fn on_ladder<const N: usize>(rungs: [(i64, Variant); N], deadline_ms: i64) -> (Vec<(String, i64)>, Vec<i64>) {
     let mut net = Net::new();
     let frames = net.instant_messages("frames", 100, 200);

@@ -38,7 +38,8 @@ pub struct OperatorConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 10_000.0))]
     pub every_ms: Option<f64>,
-    /// Ladder: variants of the operator, of which a step takes the finest that meets the deadline.
+    /// Ladder: variants of the operator as `{ name = "fast", ms = 5, KEY = VALUE }`, each with its run time and the keys
+    /// that differ. A step takes the finest that meets the deadline, the fastest if none does.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rungs: Vec<RungConfig>,
     /// Resource of which each step holds a slot.
