@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::error::GraphError;
 use crate::graph::Graph;
-use crate::input::{PortSpec, Slot, Timer};
+use crate::input::{PortSpec, Show, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context};
 use crate::payload::{ErasedPayload, PayloadType};
@@ -140,10 +140,10 @@ impl Graph {
         let ports = inputs.iter().map(|input| match *input {
             AnySource::At(stream) => PortSpec::At(stream.id),
             AnySource::Latest(stream) => {
-                PortSpec::Latest { edge: Edge::Stream(stream.id), depth: 1, window: false }
+                PortSpec::Latest { edge: Edge::Stream(stream.id), depth: 1, show: Show::Newest }
             }
             AnySource::Window(stream, depth) => {
-                PortSpec::Latest { edge: Edge::Stream(stream.id), depth, window: true }
+                PortSpec::Latest { edge: Edge::Stream(stream.id), depth, show: Show::Window }
             }
             AnySource::Every(timer) => PortSpec::Timer(timer),
         });

@@ -14,7 +14,7 @@ pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 use crate::deadline::{Deadline, Length};
 use crate::error::GraphError;
 use crate::inbox::{Inbox, SourceHandle, StopHandle};
-use crate::input::{Connect, PortSpec, Ports};
+use crate::input::{Connect, PortSpec, Ports, Show, Timer};
 use crate::operator::{Body, OnDeadline, Operator, Typed, on_deadline};
 use crate::output::{Declaration, Declared, Outputs};
 use crate::payload::{Decode, FromWire, Payload, PayloadType};
@@ -376,6 +376,21 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
     #[must_use]
     pub fn deadline(self, deadline: Deadline) -> Self {
         self.with(|operator| operator.deadline = Some(deadline))
+    }
+
+    /// Runs its steps at the ticks of a timer instead of at the arrival of frames. A synchronised port then holds the
+    /// newest message, unless an earlier step has read it.
+    #[must_use]
+    pub fn on_timer(self, timer: Timer) -> Self {
+        self.with(|operator| {
+            for port in &mut operator.ports {
+                if let PortSpec::At(id) = *port {
+                    *port = PortSpec::Latest { edge: Edge::Stream(id), depth: 1, show: Show::Unread };
+                }
+            }
+            // Behind the ports that its steps read: they do not see the tick.
+            operator.ports.push(PortSpec::Timer(timer));
+        })
     }
 
     /// Makes its steps require a slot of `resource`.

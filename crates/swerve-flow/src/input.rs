@@ -155,8 +155,19 @@ pub struct Ports {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PortSpec {
     At(usize),
-    Latest { edge: Edge, depth: usize, window: bool },
+    Latest { edge: Edge, depth: usize, show: Show },
     Timer(Timer),
+}
+
+/// Messages of a stream that a port holds at a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Show {
+    /// The newest one.
+    Newest,
+    /// The newest one, unless an earlier step has read it.
+    Unread,
+    /// All that the port keeps.
+    Window,
 }
 
 impl<T: Payload> Inputs for At<T> {
@@ -220,31 +231,31 @@ impl<T: Payload> Connect<At<T>> for Stream<T> {
 
 impl<T: Payload> Connect<Latest<T>> for Stream<T> {
     fn connect(self, ports: &mut Ports) {
-        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: 1, window: false });
+        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: 1, show: Show::Newest });
     }
 }
 
 impl<T: Payload> Connect<Latest<T>> for Feedback<T> {
     fn connect(self, ports: &mut Ports) {
-        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: 1, window: false });
+        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: 1, show: Show::Newest });
     }
 }
 
 impl<T: Payload, const N: usize> Connect<Window<T, N>> for Stream<T> {
     fn connect(self, ports: &mut Ports) {
-        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: N, window: true });
+        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: N, show: Show::Window });
     }
 }
 
 impl<T: Payload, const N: usize> Connect<Window<T, N>> for Feedback<T> {
     fn connect(self, ports: &mut Ports) {
-        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: N, window: true });
+        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: N, show: Show::Window });
     }
 }
 
 impl<T: Payload> Connect<Latest<T>> for Source<T> {
     fn connect(self, ports: &mut Ports) {
-        ports.specs.push(PortSpec::Latest { edge: self.edge, depth: 1, window: false });
+        ports.specs.push(PortSpec::Latest { edge: self.edge, depth: 1, show: Show::Newest });
     }
 }
 

@@ -89,6 +89,7 @@ mod graph;
 mod host;
 mod inbox;
 mod input;
+mod ladder;
 mod message;
 mod observer;
 mod operator;
@@ -118,6 +119,7 @@ pub use error::GraphError;
 pub use graph::{Graph, GraphInfo, InputInfo, InputKind, OperatorInfo, OperatorRef, Resource};
 pub use inbox::{SendError, SourceHandle, StopHandle};
 pub use input::{At, Connect, Every, Inputs, Latest, Ports, Slots, Timer, Window, every};
+pub use ladder::{Ladder, Taken};
 pub use message::{Header, Message};
 pub use observer::{
     Dispatcher, Dropped, Event, Miss as MissEvent, Observer, Publication, Reads, StepEnd, StepStart,

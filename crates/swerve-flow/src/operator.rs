@@ -189,6 +189,14 @@ impl Context<'_> {
         Progress::Continue
     }
 
+    /// Executes a part of the step that counts no work and is not cut short.
+    pub(crate) fn unmetered<R>(&mut self, part: impl FnOnce(&mut Self) -> R) -> R {
+        let meter = core::mem::take(&mut self.task.meter);
+        let result = part(self);
+        self.task.meter = meter;
+        result
+    }
+
     /// Offers the best result so far, which a deadline's reaction receives if the step is late.
     ///
     /// Has an effect only if the step can be cut short (under the work model, or under wall clock) and the reaction

@@ -1,5 +1,6 @@
 //! Output ports: the outputs of an operator's step.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use swerve_core::{Digest, digest_of};
@@ -37,14 +38,14 @@ pub struct Declaration {
 /// One declared stream.
 pub(crate) struct Declared {
     /// Name of its port, if that has one.
-    pub(crate) port: Option<&'static str>,
+    pub(crate) port: Option<Cow<'static, str>>,
     pub(crate) payload: PayloadType,
 }
 
 impl Declaration {
     pub(crate) fn stream<T: Payload>(&mut self, port: Option<&'static str>) -> Stream<T> {
         let payload = PayloadType::of::<T>();
-        self.types.push(Declared { port, payload });
+        self.types.push(Declared { port: port.map(Cow::Borrowed), payload });
         Stream::new(self.first + self.types.len() - 1)
     }
 }

@@ -50,6 +50,9 @@ pub enum RuntimeModel {
     },
 }
 
+/// Duration of a unit of work of an operator on a ladder.
+pub(crate) const UNIT_NS: u64 = 1000;
+
 /// Run times of one operator in an earlier run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordedTimes {
@@ -80,6 +83,10 @@ pub(crate) enum Draw {
 }
 
 impl RuntimeModel {
+    /// Run time of an operator on a [`Ladder`](crate::Ladder) whose rungs set it: a microsecond per unit, of which a step
+    /// spends those of its rung.
+    pub const LADDER: Self = Self::Work { base: Span::ZERO, per_unit_ns: UNIT_NS as f64 };
+
     /// Draws the run time of a step of `operator` for `stamp`, after `started` started steps.
     pub(crate) fn draw(&self, seed: u64, operator: &str, stamp: Time, started: u64) -> Draw {
         // A separate key, so that the random numbers of a step and its run time are independent.

@@ -3,6 +3,7 @@
 mod any;
 mod clock;
 mod deadlines;
+mod ladders;
 mod loops;
 mod memory;
 mod named;

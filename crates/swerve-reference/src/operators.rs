@@ -6,6 +6,7 @@ use swerve_msg::Detections;
 use swerve_report::output::print;
 use swerve_stack::Setup;
 use swerve_stack::assembly::COMMON_KEYS;
+use swerve_stack::schedule;
 use swerve_stack::{OperatorKind, Registry, Settings};
 use swerve_text::did_you_mean;
 
@@ -60,8 +61,8 @@ fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {
         false => format!("\n{title}\n{}", align(&rows)),
     };
     let under = settings_that_matter(registry);
-    let reads = |settings: &Settings<'_>| kind.inputs(settings).iter().map(input).collect();
-    let publishes = |settings: &Settings<'_>| kind.outputs(settings).iter().map(output).collect();
+    let reads = |settings: &Settings<'_>| schedule::inputs(kind, settings).iter().map(input).collect();
+    let publishes = |settings: &Settings<'_>| schedule::outputs(kind, settings).iter().map(output).collect();
     text += &section("reads", rows(node.kind, &under, &reads));
     text += &section("publishes", rows(node.kind, &under, &publishes));
     text += &keys(kind);

@@ -11,12 +11,12 @@ mod written;
 
 use std::sync::Arc;
 
-use swerve_core::Span;
 use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 
 use crate::config::OperatorConfig;
 use crate::config::resolved::Resolved;
-use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
+use crate::kind::{KeyProblems, Node, OperatorKind, Role, Settings};
+use crate::schedule::{self, Schedule};
 use crate::setup::Setup;
 use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::{did_you_mean, nearest};
@@ -24,7 +24,7 @@ use swerve_text::{did_you_mean, nearest};
 pub use additions::Redirected;
 pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
-pub(crate) use settings::give_sections;
+pub(crate) use settings::{give_sections, view};
 
 /// The operators of a pipeline, in the order of its graph.
 #[derive(Clone)]
@@ -51,8 +51,7 @@ pub struct Placed {
     setup: Option<Arc<Setup>>,
     /// Resolved settings of that configuration.
     pub resolved: Arc<Resolved>,
-    /// Period or fixed deadline, under the models of `[execution]` that have one.
-    pub(crate) length: Option<Span>,
+    pub(crate) schedule: Schedule,
     offered: Arc<[PayloadType]>,
 }
 
@@ -237,7 +236,7 @@ fn placed(
         outputs: Vec::new(),
         setup: config_of_its_own.map(Arc::new),
         resolved: resolved.map_or_else(|| base.clone(), Arc::new),
-        length: None,
+        schedule: Schedule::default(),
         offered: Arc::new([]),
     };
     let settings = placed.settings(setup);
@@ -247,7 +246,7 @@ fn placed(
         }
         return None;
     }
-    let ports = placed.kind.outputs(&settings);
+    let ports = schedule::outputs(&*placed.kind, &settings);
     let several = ports.len() > 1;
     let outputs = ports.into_iter().map(|port| Output {
         stream: if several { format!("{}.{}", placed.name, port.name) } else { placed.name.clone() },
@@ -256,31 +255,13 @@ fn placed(
         port,
     });
     placed.outputs = outputs.collect();
-    placed.length =
-        placed.kind.node().scheduled.and_then(|scheduled| length(scheduled, &placed, setup, problems));
+    placed.schedule = Schedule::new(&placed, setup, problems);
     Some(placed)
-}
-
-/// Period or fixed deadline of an operator that a model of `[execution]` schedules; problems are reported.
-fn length(scheduled: Scheduled, placed: &Placed, setup: &Setup, problems: &mut KeyProblems) -> Option<Span> {
-    let takes_ms = placed.kind.takes_ms(&placed.settings(setup));
-    let setup = placed.settings(setup).setup;
-    for (key, message) in scheduled.problems(setup, &placed.own) {
-        problems.push((format!("operator.{}.{key}", placed.name), message.into()));
-    }
-    scheduled.length(setup, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
-        let problem = (format!("execution.{}", scheduled.key()), message);
-        // Several detectors or planners would report the same problem.
-        if !problems.contains(&problem) {
-            problems.push(problem);
-        }
-        None
-    })
 }
 
 fn ports(settings: &Settings<'_>, kind: &Arc<dyn OperatorKind>) -> Vec<Input> {
     let port = |port| Input { port, from: Vec::new() };
-    kind.inputs(settings).into_iter().map(port).collect()
+    schedule::inputs(&**kind, settings).into_iter().map(port).collect()
 }
 
 fn offered(operators: &[Placed]) -> Arc<[PayloadType]> {

@@ -53,7 +53,7 @@ use localization::LocalizationConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
 pub(crate) use operator::is_plain_name;
-pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
+pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig, RungConfig};
 use perception::PerceptionConfig;
 use planner::{problems_of_ranges, within};
 pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};

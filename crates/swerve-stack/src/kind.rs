@@ -14,6 +14,7 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
+use crate::schedule::Ladder;
 use crate::section::{AnySection, Section};
 use crate::setup::Setup;
 use crate::site::Site;
@@ -42,6 +43,9 @@ pub struct Node {
     pub role: Role,
     /// Role in the scheduling by the models of `[execution]`, if it has one.
     pub scheduled: Option<Scheduled>,
+    /// True if `[operator.NAME] rungs` may change its keys from step to step: a step depends on its inputs alone, or the
+    /// state is carried over.
+    pub on_ladder: bool,
     /// True if its messages derive from their own stamp.
     pub origin: bool,
     /// True if it runs only where an operator reads it or `log.sensors` names it.
@@ -97,6 +101,7 @@ impl Node {
             heavy: Heavy::No,
             role: Role::Stack,
             scheduled: None,
+            on_ladder: false,
             origin: false,
             on_demand: false,
             follows_from_world: false,
@@ -167,6 +172,13 @@ impl Node {
     #[must_use]
     pub const fn scheduled(mut self, scheduled: Scheduled) -> Self {
         self.scheduled = Some(scheduled);
+        self
+    }
+
+    /// Lets the rungs of a ladder take turns at its steps.
+    #[must_use]
+    pub const fn on_ladder(mut self) -> Self {
+        self.on_ladder = true;
         self
     }
 
@@ -303,6 +315,11 @@ pub trait OperatorKind: Send + Sync {
         None
     }
 
+    /// Ladder that its settings put it on; it is then added once for each rung.
+    fn ladder(&self, _settings: &Settings<'_>) -> Option<Ladder> {
+        None
+    }
+
     /// Latency from a sensor's stamp to its readers.
     fn on_its_way(&self, _settings: &Settings<'_>) -> Option<OnItsWay> {
         None
@@ -313,7 +330,7 @@ pub trait OperatorKind: Send + Sync {
         0.0
     }
 
-    /// Adds it to the graph.
+    /// Adds it to the graph, with the settings of one rung if it is on a ladder.
     ///
     /// # Errors
     /// If its settings request something unavailable.
@@ -353,6 +370,10 @@ pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
     fn is_there(_settings: &Settings<'_>) -> bool {
         true
     }
+
+    /// Carries the state from the rung of the step before to that of the next one, for a kind on a
+    /// [ladder](Node::on_ladder).
+    fn carry(_from: &mut Self, _to: &mut Self) {}
 
     /// Run-time model where `[operator.NAME]` gives none.
     ///
@@ -408,6 +429,6 @@ impl<K: Kind> OperatorKind for Registered<K> {
         let table = Self::table(&site.settings());
         let timer = K::timer(&table, &site.settings());
         let operator = K::new(table, site)?;
-        site.add(operator, timer)
+        site.add_carrying(operator, timer, K::carry)
     }
 }

@@ -20,6 +20,7 @@ pub mod pipeline;
 mod planners;
 mod predictors;
 mod registry;
+pub mod schedule;
 mod section;
 mod setup;
 mod shot;

@@ -8,13 +8,16 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Graph, Payload, Policy, RuntimeModel, SourceHandle};
 use swerve_msg::Route;
 use swerve_scenario::Scenario;
+use swerve_text::in_one_line;
 use swerve_vehicle::VehicleParams;
 
 use crate::agent::Agent;
 use crate::assembly::{Assembly, Placed, on_road};
 use crate::config::clock::Clock;
 use crate::config::execution::{parse_policy, span_ms};
-use crate::kind::{Heavy, Node, span_of_ms};
+use crate::kind::{Heavy, KeyProblems, Node, span_of_ms};
+use crate::operators::deadlines;
+use crate::schedule::OnRung;
 use crate::setup::Setup;
 use crate::site::{Building, Site, Surroundings};
 use crate::stage::{self, Rendered, SharedStage, StreamMemory};
@@ -159,9 +162,15 @@ fn assemble(setup: &Setup, assembly: &Assembly, surroundings: &Surroundings) -> 
         .map(|(name, resource)| (name.as_str(), building.graph.resource(name, resource.slots)))
         .collect();
     for placed in assembly.operators() {
-        placed.kind.add(&mut Site { building: &mut building, assembly, placed, setup, surroundings })?;
+        let mut site = Site { building: &mut building, assembly, placed, setup, surroundings, on_rung: None };
+        let wrong = |found: KeyProblems| anyhow!("operator.{}: {}", placed.name, in_one_line(&found));
+        for rung in placed.schedule.rungs() {
+            site.on_rung = rung.map(|rung| OnRung::new(placed, setup, rung)).transpose().map_err(wrong)?;
+            placed.kind.add(&mut site)?;
+        }
+        site.on_rung = None;
         let resource = placed.own.uses.as_deref().and_then(|name| resources.get(name)).copied();
-        configure(&mut building.graph, setup, placed, resource)?;
+        configure(&mut site, resource)?;
         put_faults(&mut building, setup, placed)?;
     }
     for (feedback, edge) in core::mem::take(&mut building.loops) {
@@ -173,19 +182,26 @@ fn assemble(setup: &Setup, assembly: &Assembly, surroundings: &Surroundings) -> 
     Ok(building)
 }
 
-/// Sets run time, policy, deadline, resource and delay of an operator.
-fn configure(
-    graph: &mut Graph,
-    setup: &Setup,
-    placed: &Placed,
-    resource: Option<swerve_flow::Resource>,
-) -> anyhow::Result<()> {
-    let name = &placed.name;
+/// Sets timer, run time, policy, deadline, resource and delay of an operator.
+fn configure(site: &mut Site<'_>, resource: Option<swerve_flow::Resource>) -> anyhow::Result<()> {
+    let (placed, setup) = (site.placed, site.setup);
+    let (name, schedule) = (&placed.name, &placed.schedule);
     let wrong = |message: String| anyhow!("operator.{name}: {message}");
     let (own, settings) = (&placed.own, placed.settings(setup));
     let way = placed.kind.on_its_way(&settings);
-    let mut node = graph.operator(name)?;
+    let deadline = match &own.deadline {
+        Some(deadline) => Some(deadline.deadline().map_err(wrong)?),
+        None => deadlines::deadline(site)?,
+    };
+    let mut node = site.node()?;
+    if let Some(period) = schedule.period {
+        node = node.on_timer(settings.drawn_timer(period));
+    }
+    if placed.kind.node().origin {
+        node = node.origin();
+    }
     node = node.runtime(match (&own.runtime, &way) {
+        _ if !own.rungs.is_empty() => RuntimeModel::LADDER,
         (Some(runtime), _) => runtime.model().map_err(wrong)?,
         (None, Some(way)) => RuntimeModel::Fixed(way.after),
         (None, None) => placed.kind.runtime(&settings).map_err(wrong)?,
@@ -195,8 +211,8 @@ fn configure(
     } else if let Some(way) = &way {
         node = node.policy(Policy::pipelined(way.frames));
     }
-    if let Some(deadline) = &own.deadline {
-        node = node.deadline(deadline.deadline().map_err(wrong)?);
+    if let Some(deadline) = deadline {
+        node = node.deadline(deadline);
     }
     if let Some(resource) = resource {
         node = node.uses(resource);

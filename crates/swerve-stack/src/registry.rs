@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
-use swerve_msg::Detections;
+use swerve_msg::{Detections, RungTaken};
 use swerve_perception::{Ab3dMot, Tracker};
 use swerve_planning::aeb::Aeb;
 use swerve_planning::fot::Fot;
@@ -17,7 +17,6 @@ use swerve_prediction::PredictorName;
 use swerve_vision::shipped;
 
 use crate::config::Config;
-use crate::config::model::Model;
 use crate::config::perception::CUSTOM;
 use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
 use crate::detectors::{AnyDetector, ByWeights, NamedDetector, NamedLidarDetector};
@@ -230,13 +229,13 @@ impl Registry {
     /// Message types that its kinds read and publish, by name.
     pub(crate) fn messages(&self) -> Vec<PayloadType> {
         let usual = Setup::new(Config::default(), self);
-        let mut periodic = usual.clone();
+        let mut detecting = usual.clone();
         // Some ports exist only under certain settings.
-        (periodic.execution.model, periodic.perception.detector) = (Model::Periodic, CUSTOM.to_owned());
+        detecting.perception.detector = CUSTOM.to_owned();
         let boxes = [PayloadType::of::<Detections>()];
-        let mut messages = Vec::new();
+        let mut messages = vec![PayloadType::of::<RungTaken>()];
         for kind in self.kinds() {
-            for (setup, offered) in [(&usual, &[][..]), (&periodic, &boxes[..])] {
+            for (setup, offered) in [(&usual, &[][..]), (&detecting, &boxes[..])] {
                 let settings = Settings { name: kind.node().kind, setup, offered };
                 messages.extend(kind.outputs(&settings).into_iter().map(|port| port.payload));
                 messages.extend(kind.inputs(&settings).into_iter().filter_map(|port| port.payload));

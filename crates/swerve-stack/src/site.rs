@@ -4,19 +4,20 @@ use core::any::Any;
 use std::collections::BTreeMap;
 
 use anyhow::Context as _;
+use swerve_core::Span;
 use swerve_flow::{
-    AnyFeedback, AnyOperator, Deadline, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
-    Payload, PortInfo, Timer, Wire,
+    AnyFeedback, AnyOperator, Feedback, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
+    Payload, PortInfo, Source, Taken, Timer, Wire,
 };
-use swerve_msg::Route;
+use swerve_msg::{Route, RungTaken};
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
-use crate::assembly::{Assembly, Placed};
+use crate::assembly::{Assembly, Edge, Placed};
 use crate::config::Config;
-use crate::config::model::Model;
 use crate::config::resolved::Resolved;
-use crate::kind::Settings;
+use crate::kind::{Node, Settings};
+use crate::schedule::{Ladder, OnRung, RUNG, Schedule};
 use crate::setup::Setup;
 use crate::stage::{SharedStage, StreamMemory};
 
@@ -42,6 +43,8 @@ pub(crate) struct Building {
     pub(crate) loops: Vec<(AnyFeedback, crate::assembly::Edge)>,
     /// Memory of the images and point clouds of each stream.
     pub(crate) memory: BTreeMap<String, StreamMemory>,
+    /// Operators of the ladder that is being added, by rung.
+    pub(crate) rungs: Vec<Box<dyn Any>>,
     /// Handles of inputs from outside, by operator.
     pub(crate) sources: BTreeMap<String, Box<dyn Any + Send>>,
     /// Shared resources of cameras and lidars, if there are any.
@@ -55,6 +58,8 @@ pub struct Site<'a> {
     pub(crate) placed: &'a Placed,
     pub(crate) setup: &'a Setup,
     pub(crate) surroundings: &'a Surroundings,
+    /// Settings of the rung that the operator is built for, if it is on a ladder.
+    pub(crate) on_rung: Option<OnRung>,
 }
 
 impl Site<'_> {
@@ -63,9 +68,11 @@ impl Site<'_> {
         &self.placed.name
     }
 
-    /// Settings of the operator.
+    /// Settings of the operator, on its rung.
     pub fn settings(&self) -> Settings<'_> {
-        self.placed.settings(self.setup)
+        let settings = self.placed.settings(self.setup);
+        let setup = self.on_rung.as_ref().map_or(settings.setup, |on_rung| &on_rung.setup);
+        Settings { setup, ..settings }
     }
 
     /// The setup, with the configuration as it applies to the operator.
@@ -78,24 +85,40 @@ impl Site<'_> {
         self.setup()
     }
 
-    /// Resolved settings of the operator.
+    /// Resolved settings of the operator, on its rung.
     pub fn resolved(&self) -> &Resolved {
-        &self.placed.resolved
+        self.on_rung.as_ref().map_or(&self.placed.resolved, |on_rung| &on_rung.resolved)
     }
 
-    /// Timer of the operator under the periodic execution model.
-    pub(crate) fn own_timer(&self) -> Option<Timer> {
-        let settings = self.settings();
-        let length = self.placed.length.filter(|_| settings.setup.execution.model == Model::Periodic);
-        length.map(|length| settings.drawn_timer(length))
+    /// Schedule of the operator.
+    pub(crate) fn schedule(&self) -> &Schedule {
+        &self.placed.schedule
     }
 
-    /// Deadline of the operator under static deadlines; dynamic ones are set by the policy, or where its stream is
-    /// known.
-    pub(crate) fn own_deadline(&self) -> Option<Deadline> {
-        let execution = &self.config().execution;
-        let length = self.placed.length.filter(|_| execution.model == Model::StaticDeadlines);
-        length.map(|length| Deadline::after(length).reaction(execution.reaction.into()))
+    /// Run time of a step on the rung that the operator is built for, if the rungs of its ladder set it.
+    pub fn run_time(&self) -> Option<Span> {
+        self.on_rung.as_ref()?.run_time
+    }
+
+    /// Description of the kind.
+    pub(crate) fn kind(&self) -> Node {
+        self.placed.kind.node()
+    }
+
+    /// Stream of deadlines of this name: over a feedback edge, if its operator is added later.
+    ///
+    /// # Errors
+    /// It is not a stream of deadlines.
+    pub(crate) fn lengths(&mut self, stream: &str) -> anyhow::Result<Source<Span>> {
+        let Building { graph, loops, .. } = &mut *self.building;
+        if let Some(known) = graph.stream(stream) {
+            let known = known.typed::<Span>();
+            return Ok(known.with_context(|| format!("`{stream}` carries no deadlines"))?.into());
+        }
+        let feedback: Feedback<Span> = graph.feedback(format!("{}.deadline", self.placed.name));
+        let edge = Edge { stream: stream.to_owned(), feedback: true, raw: true };
+        loops.push((feedback.into(), edge));
+        Ok(feedback.into())
     }
 
     /// Scenario, route and vehicle.
@@ -117,15 +140,39 @@ impl Site<'_> {
     where
         O: Operator<In: NamedInputs, Out: NamedOutputs>,
     {
+        self.add_carrying(operator, timer, |_, _| {})
+    }
+
+    /// As [`add`](Self::add), for an operator that keeps state from step to step: on a ladder, `carry` takes it from the
+    /// rung of the step before to that of the next one.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn add_carrying<O>(
+        &mut self,
+        operator: O,
+        timer: Option<Timer>,
+        carry: fn(&mut O, &mut O),
+    ) -> anyhow::Result<()>
+    where
+        O: Operator<In: NamedInputs, Out: NamedOutputs>,
+    {
         let Self { building, placed, .. } = self;
-        let Building { graph, befallen, loops, .. } = &mut **building;
-        let origin = placed.kind.node().origin;
-        let node = graph.add_wired(placed.name.clone(), operator, |graph, port| {
-            feed(graph, befallen, loops, (placed, port), timer)
-        })?;
-        if origin {
-            let _origin = node.origin();
+        let Building { graph, befallen, loops, rungs, .. } = &mut **building;
+        let feed = |graph: &mut Graph, port: &PortInfo| feed(graph, befallen, loops, (placed, port), timer);
+        let Some(ladder) = &placed.schedule.ladder else {
+            graph.add_wired(placed.name.clone(), operator, feed)?;
+            return Ok(());
+        };
+        rungs.push(Box::new(operator));
+        if rungs.len() < ladder.rungs.len() {
+            return Ok(());
         }
+        let rungs = core::mem::take(rungs).into_iter().map(|rung| rung.downcast().map(|rung| *rung));
+        let rungs: Result<Vec<O>, _> = rungs.collect();
+        let rungs =
+            rungs.map_err(|_| anyhow::anyhow!("operator.{}: its rungs differ in type", placed.name))?;
+        graph.add_ladder(&placed.name, on_ladder(ladder, rungs, carry), feed)?;
         Ok(())
     }
 
@@ -136,7 +183,7 @@ impl Site<'_> {
     pub fn add_any(&mut self, operator: impl AnyOperator, timer: Option<Timer>) -> anyhow::Result<()> {
         let Self { building, placed, .. } = self;
         let Building { graph, befallen, loops, .. } = &mut **building;
-        let inputs: Vec<PortInfo> = placed.inputs.iter().map(|input| input.port.clone()).collect();
+        let inputs = placed.kind.inputs(&placed.settings(self.setup));
         let outputs: Vec<OutputInfo> = placed.outputs.iter().map(|output| output.port.clone()).collect();
         graph.add_any_wired(&placed.name, operator, (&inputs, &outputs), |graph, port| {
             feed(graph, befallen, loops, (placed, port), timer)
@@ -158,11 +205,6 @@ impl Site<'_> {
         Ok(self.building.graph.operator(&self.placed.name)?)
     }
 
-    /// The graph so far.
-    pub(crate) fn graph(&mut self) -> &mut Graph {
-        &mut self.building.graph
-    }
-
     /// Memory for large payloads of one of its outputs, with `arrays` in each message.
     pub(crate) fn memory(&mut self, output: &str, arrays: usize) -> StreamMemory {
         let memory = StreamMemory::new(arrays);
@@ -173,6 +215,26 @@ impl Site<'_> {
     /// Shared resources of cameras and lidars.
     pub(crate) fn stage(&mut self) -> SharedStage {
         self.building.stage.get_or_insert_default().clone()
+    }
+}
+
+/// Operators of a ladder, with the reports of the rungs that their steps took.
+fn on_ladder<O>(
+    Ladder { rungs, sets_run_time }: &Ladder,
+    operators: Vec<O>,
+    carry: fn(&mut O, &mut O),
+) -> swerve_flow::Ladder<O, RungTaken> {
+    let reported: Vec<(String, Span)> = rungs.iter().map(|rung| (rung.name.clone(), rung.run_time)).collect();
+    let run_times = rungs.iter().map(|rung| rung.run_time).chain(core::iter::repeat(Span::ZERO));
+    swerve_flow::Ladder {
+        rungs: run_times.zip(operators).collect(),
+        sets_run_time: *sets_run_time,
+        carry,
+        output: RUNG,
+        report: Box::new(move |Taken { rung, stamp, left }| {
+            let (rung, run_time) = reported.get(rung)?.clone();
+            Some(RungTaken { stamp, rung, run_time, left })
+        }),
     }
 }
 

@@ -36,7 +36,7 @@ pub struct In {
 }
 
 impl Kind for NearestAhead {
-    const NODE: Node = Node::new("nearest_ahead", "how far the way ahead is clear");
+    const NODE: Node = Node::new("nearest_ahead", "how far the way ahead is clear").on_ladder();
     type Table = Table;
 
     fn new(table: Table, _: &Site<'_>) -> anyhow::Result<Self> {

@@ -1,4 +1,4 @@
-//! Deadlines, ladders and timers of detector and planner.
+//! Deadlines, ladders and timers: of detector and planner by the models of `[execution]`, of any operator by its own keys.
 
 use std::path::{Path, PathBuf};
 
@@ -33,6 +33,8 @@ struct Recorded {
     boxes: Vec<(Time, Time)>,
     /// Operator, start and run time of every step.
     steps: Vec<(String, Time, Span)>,
+    /// Number of lists of predictions.
+    predicted: usize,
     /// Time at which a person was first tracked.
     person_at: Option<Time>,
 }
@@ -58,6 +60,7 @@ impl Observer for Recorded {
                 } else if let Some(boxes) = payload.downcast_ref::<Detections>() {
                     self.boxes.push((boxes.stamp, publication.visible_at));
                 } else if let Some(all) = payload.downcast_ref::<PredictionList>() {
+                    self.predicted += 1;
                     let seen = all.predictions.iter().any(|p| p.kind == ActorKind::Pedestrian);
                     self.person_at = self.person_at.or(seen.then_some(publication.visible_at));
                 }
@@ -210,4 +213,42 @@ fn planner_without_a_ladder_stops_early_with_the_best_plan_so_far() {
     let planner = operators.iter().find(|operator| operator.operator == "planner").unwrap();
     assert!(free > Span::from_ms(60) && cut <= Span::from_ms(60), "{free:?} {cut:?}");
     assert!(planner.misses == 0 && planner.steps >= 10, "{planner:?} {plans:?}");
+}
+
+/// A predictor, which no execution model schedules.
+#[test]
+fn any_operator_takes_the_rung_that_meets_its_deadline() {
+    let rungs = "operator.predictor.rungs=[{ name = 'imm', ms = 40, predictor = 'imm' }, \
+                 { name = 'lines', ms = 5, predictor = 'linear' }]";
+    for (deadline, rung, lasts_ms) in [
+        ("operator.predictor.deadline={ ms = 20 }", "lines", 5),
+        ("operator.predictor.deadline={ ms = 60 }", "imm", 40),
+        ("seed=1", "imm", 40),
+    ] {
+        let (seen, outcome) = drive(&[rungs, deadline], 3000, &mut []);
+        let taken = seen.rungs.iter().filter(|(operator, ..)| operator == "predictor");
+        let taken: Vec<&str> = taken.map(|(.., rung)| rung.as_str()).collect();
+        assert!(taken.len() >= 10 && taken.iter().all(|taken| *taken == rung), "{deadline}: {taken:?}");
+        assert!(seen.steps_of("predictor").all(|(_, lasts)| lasts == Span::from_ms(lasts_ms)), "{deadline}");
+        assert!(
+            outcome.rungs.text().contains(&format!("predictor took {rung} ")),
+            "{}",
+            outcome.rungs.text()
+        );
+    }
+}
+
+#[test]
+fn any_operator_runs_on_a_timer() {
+    let every =
+        ["operator.tracker.every_ms=70", "operator.predictor.every_ms=30", "execution.model=data_driven"];
+    let (seen, _) = drive(&every, 4000, &mut []);
+    for (operator, period_ms) in [("tracker", 70), ("predictor", 30)] {
+        let starts: Vec<Time> = seen.steps_of(operator).map(|(start, _)| start).collect();
+        let is_even = |two: &[Time]| two[1] - two[0] == Span::from_ms(period_ms);
+        assert!(starts.len() > 50 && starts.windows(2).all(is_even), "{operator}");
+    }
+    // Frames come every 200 ms: no list of tracks is predicted twice.
+    let predicted = seen.predicted;
+    assert!((10..=20).contains(&predicted), "{predicted}");
 }

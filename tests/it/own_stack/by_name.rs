@@ -296,3 +296,25 @@ fn studies_compare_algorithms_of_another_crate_with_built_in_ones() {
     let figures = |cell: &str| cells.lines().find(|line| line.contains(cell)).unwrap().replace(cell, "");
     assert_ne!(figures("pursuit"), figures("stanley"));
 }
+
+/// A rung that fits a deadline, a timer, refused keys.
+#[test]
+fn operator_of_another_crate_is_scheduled_by_its_keys() {
+    let named = "operator.clear.kind=nearest_ahead";
+    let rungs = "operator.clear.rungs=[{ name = 'near', ms = 2, range_m = 40 }, { name = 'far', ms = 30 }]";
+    let p50 =
+        |assignments: &[&str]| p50_ms(&drive("lane", &[&[named, rungs][..], assignments].concat()), "clear");
+    assert_eq!(p50(&["operator.clear.deadline={ ms = 10 }"]), 2.0);
+    assert_eq!(p50(&["operator.clear.deadline={ ms = 30 }"]), 30.0);
+    let steps = |assignments: &[&str]| {
+        let metrics = drive("lane", &[&[named][..], assignments].concat());
+        metrics.operators.iter().find(|operator| operator.operator == "clear").unwrap().steps
+    };
+    assert_eq!(steps(&[]) / steps(&["operator.clear.every_ms=200"]), 4, "frames come every 50 ms");
+    let key = problem(&[named, "operator.clear.rungs=[{ name = 'near', ms = 2, range = 40 }]"]);
+    assert!(key.starts_with("--set: operator.clear.rungs: `near`: "), "{key}");
+    let stateful = problem(&["operator.tracker.rungs=[{ name = 'near', ms = 2 }]"]);
+    assert!(stateful.contains("a `tracker` keeps its state from step to step"), "{stateful}");
+    let timer = problem(&["operator.controller.every_ms=20"]);
+    assert_eq!(timer, "--set: operator.controller.every_ms: expected none: a `controller` has a timer");
+}

@@ -8,7 +8,7 @@ use swerve_core::{Span, Time};
 use super::answer::{Answer, Finished};
 use crate::deadline::Deadline;
 use crate::host::Begin;
-use crate::input::{Slot, Timer};
+use crate::input::{Show, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Offered, OnDeadline, Task, Unusual, run_step};
 use crate::payload::Decode;
@@ -103,8 +103,9 @@ pub(crate) struct TimerPort {
 pub(crate) struct LatestPort {
     pub(crate) stream: usize,
     pub(crate) depth: usize,
-    /// True if it reads all of them, not only the newest.
-    pub(crate) window: bool,
+    pub(crate) show: Show,
+    /// Number in its stream of the newest message that a step has read.
+    pub(crate) read: Option<u64>,
     pub(crate) feedback: bool,
 }
 

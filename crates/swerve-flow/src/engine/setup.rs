@@ -159,14 +159,15 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
                 let watermark = next.saturating_add(Span::from_ns(-1));
                 timers.push(TimerPort { timer, next, ticking: false, watermark });
             }
-            PortSpec::Latest { edge, depth, window } => {
+            PortSpec::Latest { edge, depth, show } => {
                 order.push(PortRef::Latest(latest.len()));
                 let stream = stream_of(edge);
                 reads.push(names[stream].clone());
                 latest.push(LatestPort {
                     stream,
                     depth,
-                    window,
+                    show,
+                    read: None,
                     feedback: matches!(edge, Edge::Feedback(_)),
                 });
             }

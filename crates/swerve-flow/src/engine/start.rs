@@ -14,7 +14,7 @@ use crate::deadline::{Anchor, Reaction};
 use crate::decision::{Decided, Decision};
 use crate::graph::newest;
 use crate::host::Begin;
-use crate::input::Slot;
+use crate::input::{Show, Slot};
 use crate::message::Msg;
 use crate::observer::{Reads, StepStart};
 use crate::operator::{Cut, ErasedMiss, Meter, Offered, Task, said};
@@ -174,18 +174,22 @@ impl Engine<'_> {
                     continue;
                 }
                 PortRef::Latest(port) => {
-                    let port = &node.latest[port];
+                    let port = &mut node.latest[port];
                     let stream = &self.streams[port.stream];
                     let visible = stream.visible(now, port.feedback);
-                    *slot = match visible.checked_sub(1) {
-                        None => Slot::Empty,
-                        Some(index) if port.window => {
+                    let newest = visible.checked_sub(1).map(|index| &stream.history[index]);
+                    let number = newest.map(|msg| msg.header.seq);
+                    let is_read = core::mem::replace(&mut port.read, number) == number;
+                    *slot = match (newest, port.show) {
+                        (None, _) => Slot::Empty,
+                        (Some(_), Show::Unread) if is_read => Slot::Empty,
+                        (Some(msg), Show::Newest | Show::Unread) => Slot::Message(msg.clone()),
+                        (Some(_), Show::Window) => {
                             let first = visible.saturating_sub(port.depth);
-                            Slot::Window(stream.history.range(first..=index).cloned().collect())
+                            Slot::Window(stream.history.range(first..visible).cloned().collect())
                         }
-                        Some(index) => Slot::Message(stream.history[index].clone()),
                     };
-                    visible.checked_sub(1).map(|index| stream.history[index].header)
+                    newest.map(|msg| msg.header)
                 }
             };
             origin = newest(origin, header.and_then(|header| header.origin));

@@ -3,9 +3,11 @@
 use super::{BodySpec, FeedbackSpec, Graph, OperatorRef};
 use crate::any::AnyOperator;
 use crate::error::GraphError;
-use crate::input::{PortSpec, Ports};
+use crate::input::{PortSpec, Ports, Show};
+use crate::ladder::{Ladder, OnLadder};
 use crate::operator::{Operator, Typed, on_deadline};
-use crate::payload::PayloadType;
+use crate::output::{Declaration, Outputs as _};
+use crate::payload::{Payload, PayloadType};
 use crate::port::{NamedInputs, NamedOutputs, OutputInfo, PortInfo, PortMode, Wire};
 use crate::stream::{AnyFeedback, AnyStream, Edge};
 
@@ -29,14 +31,52 @@ impl Graph {
         E: From<GraphError>,
     {
         let name = name.into();
+        let (layout, ports) = self.wired::<O::In, E>(&name, &mut wire)?;
+        let body = Box::new(Typed::new(operator, layout));
+        Ok(self.push(name, ports.specs, BodySpec::Operator(body, on_deadline::<O>)))
+    }
+
+    /// As [`add_wired`](Self::add_wired), for an operator on a ladder, whose reports are its last stream. Its run-time
+    /// model is [`RuntimeModel::LADDER`](crate::RuntimeModel::LADDER), if its rungs set the run time.
+    ///
+    /// # Errors
+    /// As for [`add_wired`](Self::add_wired).
+    pub fn add_ladder<O, T, E>(
+        &mut self,
+        name: &str,
+        ladder: Ladder<O, T>,
+        mut wire: impl FnMut(&mut Self, &PortInfo) -> Result<Wire, E>,
+    ) -> Result<OperatorRef<'_, ()>, E>
+    where
+        O: Operator<In: NamedInputs, Out: NamedOutputs>,
+        T: Payload,
+        E: From<GraphError>,
+    {
+        let (layout, ports) = self.wired::<O::In, E>(name, &mut wire)?;
+        let index = self.operators.len();
+        let mut declared = Declaration { first: self.streams.len(), types: Vec::new() };
+        O::Out::declare(&mut declared);
+        for (stream, port) in declared.types.iter_mut().zip(O::Out::ports()) {
+            stream.port = Some(port.name);
+        }
+        let body = Box::new(OnLadder::new(ladder, layout, &mut declared));
+        self.push_declared(name.into(), ports.specs, BodySpec::Operator(body, on_deadline::<O>), declared);
+        Ok(OperatorRef { graph: self, index, streams: () })
+    }
+
+    /// Declares the ports of `I` with their sources.
+    fn wired<I: NamedInputs, E: From<GraphError>>(
+        &mut self,
+        operator: &str,
+        wire: &mut impl FnMut(&mut Self, &PortInfo) -> Result<Wire, E>,
+    ) -> Result<(I::Layout, Ports), E> {
         let (mut wires, mut ports) = (Vec::new(), Ports::default());
-        for port in O::In::ports() {
+        for port in I::ports() {
             let wire = wire(self, &port)?;
-            self.declare(&name, &port, &wire, &mut ports)?;
+            self.declare(operator, &port, &wire, &mut ports)?;
             wires.push(wire);
         }
-        let body = Box::new(Typed::new(operator, O::In::layout(&wires)));
-        Ok(self.push(name, ports.specs, BodySpec::Operator(body, on_deadline::<O>)))
+        Ok((I::layout(&wires), ports))
     }
 
     /// As [`add_wired`](Self::add_wired), for an operator whose ports are declared at run time.
@@ -68,8 +108,8 @@ impl Graph {
         ports: &mut Ports,
     ) -> Result<(), GraphError> {
         let latest = |edge| match port.mode {
-            PortMode::Window(depth) => PortSpec::Latest { edge, depth, window: true },
-            _ => PortSpec::Latest { edge, depth: 1, window: false },
+            PortMode::Window(depth) => PortSpec::Latest { edge, depth, show: Show::Window },
+            _ => PortSpec::Latest { edge, depth: 1, show: Show::Newest },
         };
         let spec = match wire {
             Wire::Stream(stream) => match (self.owns_stream(*stream), port.mode) {

@@ -14,7 +14,7 @@ use crate::section::{AnySection, Section};
 use crate::setup::Setup;
 
 /// Keys of `[operator.NAME]` common to all operators, with their descriptions.
-pub const COMMON_KEYS: [(&str, &str); 8] = [
+pub const COMMON_KEYS: [(&str, &str); 10] = [
     ("kind", "what it is; that of the pipeline's operator of this name when absent"),
     ("enabled", "false takes it out of the pipeline"),
     ("reads", "the streams that it reads, by port; found by their type when absent"),
@@ -27,13 +27,21 @@ pub const COMMON_KEYS: [(&str, &str); 8] = [
         "what becomes of frames that find it busy: \"skip_to_latest\", \"queue(N)\", \"pipelined(N)\"",
     ),
     ("deadline", "{ ms = 50, anchor = \"arrival\", reaction = \"skip\" }; none when absent"),
+    (
+        "every_ms",
+        "period of a timer that it runs on, with the newest input; on arrival of its input when absent",
+    ),
+    (
+        "rungs",
+        "its ladder: [{ name = \"fast\", ms = 5, KEY = VALUE }, ...]; a step takes the finest that meets the deadline",
+    ),
     ("uses", "the [resource.NAME] that its steps hold a slot of"),
     ("delay_ms", "from the publication of its messages to their readers"),
 ];
 
 /// The setup and resolved settings for an operator of this kind with these own keys; `None` where the keys change no
 /// table of the configuration.
-pub(super) fn view(
+pub(crate) fn view(
     setup: &Setup,
     name: &str,
     kind: &dyn OperatorKind,
@@ -206,7 +214,7 @@ mod tests {
     #[test]
     fn common_keys_are_the_ones_that_every_operator_reads() {
         let every = "kind = \"x\"\nenabled = true\nreads = { a = \"b\" }\nruntime = { zero = true }\npolicy = \"p\"\n\
-                     deadline = { ms = 1 }\nuses = \"r\"\ndelay_ms = 1\n";
+                     deadline = { ms = 1 }\nevery_ms = 1\nrungs = [{ name = \"a\", ms = 1 }]\nuses = \"r\"\ndelay_ms = 1\n";
         let own: OperatorConfig = swerve_text::built_in(every);
         assert!(own.keys.is_empty(), "{:?}", own.keys);
         let mut keys: Vec<String> = Table::try_from(&own).unwrap().keys().cloned().collect();

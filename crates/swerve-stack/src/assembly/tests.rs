@@ -472,7 +472,7 @@ fn camera_detector_ladder_ends_at_the_named_rung() {
     let config = read(&format!("{text}{EYE}rung = \"full\"\nladder = true\n"), &[]).unwrap();
     let objects = Assembly::new(&config).unwrap().operator("objects").unwrap().clone();
     let full = crate::config::camera_detectors::run_time("street", "full").unwrap();
-    assert_eq!(objects.length.map(Span::as_ms), Some(full.most_ms()));
+    assert_eq!(objects.schedule.deadline.map(swerve_core::Span::as_ms), Some(full.most_ms()));
     assert_eq!(objects.kind.takes_ms(&objects.settings(&config)), Some([full.most_ms(); 2]));
 }
 

@@ -4,19 +4,20 @@ use std::sync::LazyLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{Ranges, Span};
+use swerve_core::Ranges;
 use swerve_flow::Reaction;
-use swerve_perception::detector;
 use swerve_planning::deadline::Params;
 use swerve_text::{KeyProblem, did_you_mean, number, overridden};
+use toml::Table;
 
-use super::detectors::{Published, find, fits, published};
+use super::detectors::{Published, find, published};
 use super::execution::span_ms;
 use super::perception::{CUSTOM, TRUTH};
 use super::planner::{outside, problems_of_ranges, within};
 use super::{Config, PlannerName};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
+use crate::schedule::Rung;
 use crate::section::{Section, of_config};
 use crate::setup::Setup;
 
@@ -109,17 +110,6 @@ impl ExecutionConfig {
     }
 }
 
-/// An implementation of a detector or planner that may be chosen for a frame.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Rung<T> {
-    /// Name.
-    pub name: String,
-    /// Run time.
-    pub run_time: Span,
-    /// Parameters that define it.
-    pub what: T,
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Ladder {
@@ -155,39 +145,39 @@ impl Config {
     /// Rungs of the emulated detector, the fastest first; empty without a ladder.
     ///
     /// # Errors
-    /// Problems by their keys in `perception`.
-    pub(super) fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, Vec<KeyProblem>> {
+    /// The problem of `perception.ladder`.
+    pub(crate) fn detector_rungs(&self) -> Result<Vec<Rung>, String> {
         let name = self.perception.detector.as_str();
         if !self.perception.ladder {
             return Ok(Vec::new());
         }
         let (Some(top), Some((_, suffix))) = (find(name), name.split_once('@')) else {
-            let message = match name {
-                TRUTH | CUSTOM => format!("`{name}` is on no ladder; name a published detector"),
-                _ => return Ok(Vec::new()),
+            return match name {
+                TRUTH | CUSTOM => Err(format!("`{name}` is on no ladder; name a published detector")),
+                _ => Ok(Vec::new()),
             };
-            return Err(vec![("ladder".into(), message)]);
         };
         let on_it = |d: &&Published| {
             let same = d.name.split_once('@').is_some_and(|(_, other)| other == suffix);
             same && d.ms <= top.ms && d.sensing == top.sensing
         };
-        let mut rungs = Vec::new();
-        for rung in published().iter().filter(on_it) {
-            let error_level = fits().get(&rung.name).map_or(1.0, |fit| fit.error_level);
-            let family = detector::Params::of_error_level(rung.sensing, error_level);
-            let what: detector::Params =
-                overridden(&family, &self.perception.params).map_err(|found| within("params", found))?;
-            what.validate().map_err(|error| within("params", outside(error)))?;
-            let run_time = span_ms(rung.ms).map_err(|message| vec![("ladder".into(), message)])?;
-            rungs.push(Rung { name: rung.name.clone(), run_time, what });
-        }
+        let rung = |rung: &Published| {
+            let keys = Table::from_iter([
+                ("detector".to_owned(), rung.name.clone().into()),
+                ("ladder".to_owned(), false.into()),
+            ]);
+            Ok(Rung { name: rung.name.clone(), run_time: span_ms(rung.ms)?, keys })
+        };
+        let mut rungs = published().iter().filter(on_it).map(rung).collect::<Result<Vec<_>, String>>()?;
         rungs.sort_by_key(|rung| rung.run_time);
         Ok(rungs)
     }
 
-    /// Rungs of the planner, the fastest first, each with the parameters that define it; empty without a ladder.
-    pub(super) fn planner_rungs(&self) -> Result<Vec<Rung<toml::Table>>, (&'static str, String)> {
+    /// Rungs of the planner, the fastest first; empty without a ladder.
+    ///
+    /// # Errors
+    /// The key in `planning` and its problem.
+    pub(crate) fn planner_rungs(&self) -> Result<Vec<Rung>, (&'static str, String)> {
         let planning = &self.planning;
         let Some(name) = &planning.ladder else {
             return match planning.rung_ms {
@@ -213,10 +203,9 @@ impl Config {
         }
         let mut rungs = Vec::new();
         for rung in ladder.rung.iter().filter(|rung| rung.ms <= top_ms) {
-            let mut what = planning.params.clone();
-            what.extend(rung.params.clone());
+            let keys = Table::from_iter([("params".to_owned(), rung.params.clone().into())]);
             let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
-            rungs.push(Rung { name: rung.name.clone(), run_time, what });
+            rungs.push(Rung { name: rung.name.clone(), run_time, keys });
         }
         rungs.sort_by_key(|rung| rung.run_time);
         Ok(rungs)
@@ -237,6 +226,7 @@ impl Config {
 mod tests {
     use super::*;
     use crate::assembly::Assembly;
+    use swerve_core::Span;
     use swerve_text::{Document, parse_assignment};
 
     fn config(sets: &[&str]) -> Result<Setup, String> {
@@ -259,12 +249,10 @@ mod tests {
         let config = on_ladders(&["planning.rung_ms=148"]).unwrap();
         let detectors = config.detector_rungs().unwrap();
         assert_eq!(ms(detectors.iter().map(|r| r.run_time).collect()), [20.0, 50.0, 80.0, 150.0]);
-        assert!(detectors.windows(2).all(|w| w[0].what.half_distance_m < w[1].what.half_distance_m));
+        assert!(detectors.iter().all(|rung| rung.keys["detector"].as_str() == Some(&rung.name)));
         let planners = config.planner_rungs().unwrap();
         assert_eq!(ms(planners.iter().map(|r| r.run_time).collect()), [30.0, 40.0, 67.0, 148.0]);
-        for rung in on_ladders(&[]).unwrap().planner_rungs().unwrap() {
-            assert!(config.planning.planner_with(&config.registry, &rung.what).is_ok(), "{}", rung.name);
-        }
+        assert!(planners.iter().all(|rung| rung.keys["params"].is_table()));
         assert!(Setup::default().detector_rungs().unwrap().is_empty());
         assert!(Setup::default().planner_rungs().unwrap().is_empty());
     }
@@ -272,7 +260,11 @@ mod tests {
     /// Periods or deadlines of these operators, ms.
     fn lengths<const N: usize>(config: &Setup, names: [&str; N]) -> [Option<f64>; N] {
         let assembly = Assembly::new(config).unwrap();
-        names.map(|name| assembly.operator(name)?.length.map(|length| length.as_ms()))
+        let of = |name| {
+            let schedule = &assembly.operator(name)?.schedule;
+            schedule.period.or(schedule.deadline).map(Span::as_ms)
+        };
+        names.map(of)
     }
 
     #[test]

@@ -33,6 +33,15 @@ pub struct OperatorConfig {
     /// Deadline of its steps.
     #[ranges(nested)]
     pub deadline: Option<Deadline>,
+    /// Period of a timer that its steps run on, ms: they read the newest input, and none twice. Without it they run when
+    /// their input arrives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1.0, max = 10_000.0))]
+    pub every_ms: Option<f64>,
+    /// Ladder: variants of the operator as `{ name = "fast", ms = 5, KEY = VALUE }`, each with its run time and the keys
+    /// that differ. A step takes the finest that meets the deadline, the fastest if none does.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rungs: Vec<RungConfig>,
     /// Resource of which each step holds a slot.
     pub uses: Option<String>,
     /// Communication delay of its outputs, ms.
@@ -40,6 +49,20 @@ pub struct OperatorConfig {
     #[schemars(range(min = 0.0, max = execution::MS_MAX))]
     pub delay_ms: f64,
     /// Keys of its kind, or of the kind's tables for this operator only.
+    #[serde(flatten)]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub keys: toml::Table,
+}
+
+/// A rung of a ladder: a variant of the operator.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct RungConfig {
+    /// Name of the rung.
+    pub name: String,
+    /// Run time of a step, ms.
+    #[schemars(range(min = 0.0, max = execution::MS_MAX))]
+    pub ms: f64,
+    /// Keys of the operator that differ on this rung.
     #[serde(flatten)]
     #[schemars(with = "crate::config::AnyTable")]
     pub keys: toml::Table,
@@ -140,6 +163,10 @@ impl Config {
             }
             if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
                 faults.push((key("policy"), message));
+            }
+            for (k, rung) in operator.rungs.iter().enumerate() {
+                let problem = execution::span_ms(rung.ms).err();
+                faults.extend(problem.map(|message| (key(&format!("rungs.{k}.ms")), message)));
             }
             if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
                 let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();

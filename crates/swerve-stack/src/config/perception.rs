@@ -86,9 +86,7 @@ impl PerceptionConfig {
         found.extend(self.emulated().err().unwrap_or_default());
         let tracker = setup.tracker_behind(&setup.noise_behind_detector());
         found.extend(tracker.err().unwrap_or_default());
-        // Rungs have the detector's own parameters, and so the same problems.
-        let rungs = setup.detector_rungs().err().unwrap_or_default();
-        found.extend(rungs.into_iter().filter(|(key, _)| !key.starts_with("params")));
+        found.extend(setup.detector_rungs().err().map(|message| ("ladder".to_owned(), message)));
         found
     }
 

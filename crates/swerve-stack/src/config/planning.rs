@@ -19,6 +19,7 @@ use crate::kind::KeyProblems;
 use crate::named::Name;
 use crate::planners::{AnyPlanner, NamedPlanner as _};
 use crate::registry::Registry;
+use crate::schedule::Rung;
 use crate::section::{Section, of_config};
 use crate::setup::Setup;
 
@@ -223,8 +224,13 @@ impl PlanningConfig {
         });
         found.extend(self.rules().err().unwrap_or_default());
         found.extend(self.problems_of_names(registry));
-        let params = core::iter::once(&self.params).chain(rungs.iter().map(|rung| &rung.what));
-        let wrong = params.into_iter().find_map(|params| self.planner_with(registry, params).err());
+        let on_rung = |rung: &Rung| {
+            let mut params = self.params.clone();
+            params.extend(rung.keys["params"].as_table().cloned().unwrap_or_default());
+            params
+        };
+        let params = core::iter::once(self.params.clone()).chain(rungs.iter().map(on_rung));
+        let wrong = params.into_iter().find_map(|params| self.planner_with(registry, &params).err());
         found.extend(within("params", wrong.unwrap_or_default()));
         found
     }

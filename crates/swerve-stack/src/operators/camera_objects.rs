@@ -1,22 +1,22 @@
 //! Object detection in camera images: boxes on the ground, by a detector that the keys name.
 
-use swerve_core::{Ranges as _, Span, Time};
+use swerve_core::{Ranges as _, Span};
 use swerve_flow::{
-    At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
-    PortInfo, RuntimeModel, Window,
+    At, Context, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo,
+    RuntimeModel, Window,
 };
-use swerve_msg::{Detections, EgoState, Image, Route, RungTaken, TrackList};
+use swerve_msg::{Detections, EgoState, Image, Route, TrackList};
 use swerve_perception::camera::{CameraDetector, Shot};
 use swerve_text::in_one_line;
 use swerve_vehicle::{Pitch, VehicleParams};
+use toml::Table;
 
-use super::ladder::{on_ladder, take};
 use crate::config::camera_detectors::{CameraObjectsTable, Chosen};
 use crate::config::execution::span_ms;
-use crate::config::model::{Model, Rung};
 use crate::config::planner::problem;
 use crate::detectors::DetectorRung;
 use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
+use crate::schedule::{Ladder, Rung};
 use crate::section::Section;
 use crate::setup::Setup;
 use crate::site::Site;
@@ -27,7 +27,7 @@ const POSES: usize = 256;
 /// Largest integration step of the body's pitch, seconds.
 const PITCH_STEP_S: f64 = 0.01;
 
-/// Detects objects in a camera's images, on one rung of a detector or on the one that fits the time left.
+/// Detects objects in a camera's images, on a rung of a detector.
 pub(super) struct CameraObjects;
 
 /// Image of this stamp, and past poses of the ego.
@@ -42,31 +42,12 @@ struct In {
     tracks: Option<Latest<TrackList>>,
 }
 
-/// Newest image, at each tick.
-#[derive(Inputs)]
-struct PeriodicIn {
-    /// Period of the detector.
-    tick: Every,
-    /// Colour image of the camera.
-    image: Latest<Image>,
-    /// Past poses of the ego.
-    poses: Window<EgoState, POSES>,
-    /// Tracks, for a rung that searches around them.
-    #[port(feedback)]
-    tracks: Option<Latest<TrackList>>,
-}
-
-/// Boxes, and the rung that found them.
+/// Boxes.
 #[derive(Outputs)]
 struct Out {
     /// Detected objects.
     boxes: Port<Detections>,
-    /// Rung that was used.
-    rung: Port<RungTaken>,
 }
-
-/// Implementations that may be chosen for a frame.
-type Rungs = Vec<Rung<Box<dyn CameraDetector>>>;
 
 fn problems(table: &CameraObjectsTable, Setup { registry, .. }: &Setup) -> KeyProblems {
     let mut found: KeyProblems = table.out_of_range().into_iter().map(problem).collect();
@@ -90,25 +71,31 @@ fn problems(table: &CameraObjectsTable, Setup { registry, .. }: &Setup) -> KeyPr
     }
     match wrong_rung {
         Some(wrong) => found.push(wrong),
-        None => found.extend(rungs(&chosen, table).err().into_iter().flatten()),
+        None => {
+            let built = |rung| chosen.build(rung).map(drop);
+            found.extend(chosen.taken().find_map(|rung| built(rung).err()).into_iter().flatten());
+            found.extend(rungs(&chosen, table).err().map(|message| ("run_times_ms".to_owned(), message)));
+        }
     }
     found
 }
 
-/// Rungs that may be used, the fastest first and the named one last; on a ladder each with its longest run time.
-fn rungs(chosen: &Chosen<'_>, table: &CameraObjectsTable) -> Result<Rungs, KeyProblems> {
-    let mut rungs = Vec::new();
-    for rung in chosen.taken() {
-        let what = chosen.build(rung)?;
-        let time = chosen.run_time(rung).map(|time| time.most_ms());
-        let wrong = |message| vec![("run_times_ms".to_owned(), message)];
-        let most_ms = match (time, table.ladder) {
-            (None, true) => return Err(wrong(untimed(rung))),
-            (time, _) => time.unwrap_or(0.0),
+/// Rungs that may be used, the fastest first and the named one last, each with its longest run time.
+///
+/// # Errors
+/// A rung of a ladder has no run time, or it is out of range.
+fn rungs(chosen: &Chosen<'_>, table: &CameraObjectsTable) -> Result<Vec<Rung>, String> {
+    let rung = |rung: &DetectorRung| {
+        let most_ms = match chosen.run_time(rung) {
+            None if table.ladder => return Err(untimed(rung)),
+            time => time.map_or(0.0, |time| time.most_ms()),
         };
-        let run_time = span_ms(most_ms).map_err(wrong)?;
-        rungs.push(Rung { name: rung.name.to_string(), run_time, what });
-    }
+        let name = rung.name.to_string();
+        let keys =
+            Table::from_iter([("rung".to_owned(), name.clone().into()), ("ladder".to_owned(), false.into())]);
+        Ok(Rung { name, run_time: span_ms(most_ms)?, keys })
+    };
+    let mut rungs = chosen.taken().map(rung).collect::<Result<Vec<_>, String>>()?;
     // A rung slower than a better one is left out.
     let top = rungs.last().map_or(Span::ZERO, |rung| rung.run_time);
     rungs.retain(|rung| rung.run_time <= top);
@@ -132,6 +119,7 @@ impl OperatorKind for CameraObjects {
             .section(const { &Section::own(problems) })
             .heavy(Heavy::Yes)
             .scheduled(Scheduled::Detector)
+            .on_ladder()
     }
 
     fn schema(&self) -> Option<schemars::Schema> {
@@ -143,10 +131,7 @@ impl OperatorKind for CameraObjects {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        let mut ports = match settings.setup.execution.model {
-            Model::Periodic => PeriodicIn::ports(),
-            _ => In::ports(),
-        };
+        let mut ports = In::ports();
         let table = table(settings);
         let chosen = table.chosen(&settings.setup.registry);
         if !chosen.is_ok_and(|chosen| chosen.taken().any(|rung| rung.follows_tracks)) {
@@ -158,7 +143,7 @@ impl OperatorKind for CameraObjects {
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         let table = table(settings);
         if table.ladder {
-            return Ok(on_ladder());
+            return Ok(RuntimeModel::LADDER);
         }
         let chosen = table.chosen(&settings.setup.registry).map_err(|(_, message)| message)?;
         chosen.run_time(chosen.named()).ok_or_else(|| untimed(chosen.named()))?.model()
@@ -170,62 +155,46 @@ impl OperatorKind for CameraObjects {
         Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
     }
 
+    fn ladder(&self, settings: &Settings<'_>) -> Option<Ladder> {
+        let table = table(settings);
+        let rungs = rungs(&table.chosen(&settings.setup.registry).ok()?, &table).ok()?;
+        Some(Ladder { rungs, sets_run_time: table.ladder })
+    }
+
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let table = table(&site.settings());
         let wrong = |found: KeyProblems| anyhow::anyhow!("operator.{}: {}", site.name(), in_one_line(&found));
-        let chosen = table.chosen(&site.setup().registry).map_err(|found| wrong(vec![found]))?;
-        let (rungs, around) = (rungs(&chosen, &table).map_err(wrong)?, site.surroundings());
+        let objects = table(&site.settings()).detector(&site.setup().registry).map_err(wrong)?;
+        let around = site.surroundings();
         let (route, vehicle) = (around.route.clone(), around.vehicle.clone());
-        let detector = Detector { rungs, spends: table.ladder, route, vehicle };
-        match site.own_timer() {
-            Some(timer) => site.add(Periodic { detector, last: None }, Some(timer))?,
-            None => site.add(detector, None)?,
-        }
-        if let Some(deadline) = site.own_deadline() {
-            let _configured = site.node()?.deadline(deadline);
-        }
-        Ok(())
+        site.add(Detector { objects, route, vehicle }, None)
     }
 }
 
-/// Runs on the images of its input.
+/// Detects the objects in an image.
 struct Detector {
-    rungs: Rungs,
-    /// True on a ladder, where the rung defines the run time of a step.
-    spends: bool,
+    objects: Box<dyn CameraDetector>,
     route: Route,
     vehicle: VehicleParams,
 }
 
-/// Runs on a timer, on the newest image; never twice on the same one.
-struct Periodic {
-    detector: Detector,
-    last: Option<Time>,
-}
+impl Operator for Detector {
+    type In = In;
+    type Out = Out;
 
-/// Past poses of the ego, and the tracks.
-type Around<'a> = (&'a [EgoState], Option<&'a TrackList>);
-
-impl Detector {
-    fn look(&mut self, cx: &mut Context<'_>, image: &Image, (poses, tracks): Around<'_>, out: &mut Out) {
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(image) = input.image.get() else { return };
+        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
         let before = poses.partition_point(|pose| pose.stamp <= image.stamp);
         let Some(measured) = poses[..before].last().or(poses.first()) else { return };
         let ego = measured.pose_after((image.stamp - measured.stamp).as_secs());
         let pitch_rad = pitch_rad(&poses[..before], &self.vehicle);
-        let (objects, taken) = if self.spends {
-            take(&mut self.rungs, cx)
-        } else {
-            let left = cx.deadline().map(|deadline| deadline - cx.now());
-            let Some(Rung { name, run_time, what }) = self.rungs.last_mut() else { return };
-            (what, RungTaken { stamp: cx.stamp(), rung: name.clone(), run_time: *run_time, left })
-        };
+        let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
         let mut found = Detections::default();
         let shot = Shot { image, ego, pitch_rad, route: Some(&self.route) };
-        if let Err(error) = objects.detect(&shot, tracks, &mut found) {
-            return cx.stop_run(format!("{}: {error}", cx.name()));
+        match self.objects.detect(&shot, tracks, &mut found) {
+            Ok(()) => out.boxes.loan().send(found),
+            Err(error) => cx.stop_run(format!("{}: {error}", cx.name())),
         }
-        out.boxes.loan().send(found);
-        out.rung.send(taken);
     }
 }
 
@@ -240,30 +209,4 @@ pub(super) fn pitch_rad(poses: &[EgoState], vehicle: &VehicleParams) -> f64 {
         }
     }
     pitch.angle_rad
-}
-
-impl Operator for Detector {
-    type In = In;
-    type Out = Out;
-
-    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
-        let Some(image) = input.image.get() else { return };
-        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
-        let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
-        self.look(cx, image, (&poses, tracks), out);
-    }
-}
-
-impl Operator for Periodic {
-    type In = PeriodicIn;
-    type Out = Out;
-
-    fn step(&mut self, cx: &mut Context<'_>, input: &PeriodicIn, out: &mut Out) {
-        let newest = input.image.get().filter(|image| self.last != Some(image.stamp));
-        let Some(image) = newest else { return };
-        self.last = Some(image.stamp);
-        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
-        let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
-        self.detector.look(cx, image, (&poses, tracks), out);
-    }
 }

@@ -3,15 +3,18 @@
 use anyhow::Context as _;
 use swerve_core::Span;
 use swerve_flow::{
-    Anchor, At, Context, Deadline, Feedback, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo,
-    Outputs, Port, PortInfo,
+    Anchor, At, Context, Deadline, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs,
+    Port, PortInfo,
 };
 use swerve_msg::{Detections, EgoState, PredictionList, ResponseBudget, Route};
-use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
+use swerve_planning::deadline::{
+    Overhead, Params, Response, Situation, nearest_hazard, obstacles_near, respond,
+};
 use swerve_vehicle::VehicleParams;
 
-use crate::assembly::Placed;
+use crate::config::Config;
 use crate::config::model::{ExecutionConfig, Model};
+use crate::config::resolved::Resolved;
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
@@ -45,22 +48,24 @@ struct Out {
     planner: Port<Span>,
 }
 
-/// Deadline of the planner under the dynamic model, once the policy is in the graph.
-pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
+/// Deadline of an operator by `execution.model`: constant, or the newest one of the policy.
+pub(crate) fn deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
     let execution = &site.config().execution;
-    let (reaction, is_dynamic) = (execution.reaction, execution.model == Model::DynamicDeadlines);
-    if !is_dynamic {
-        return Ok(site.own_deadline());
-    }
-    let policy = Policy::new(site);
-    let before = respond(&policy.params, None, policy.overhead, 0);
-    let name =
-        site.assembly.publisher::<ResponseBudget>().context("execution.model: no operator sets deadlines")?;
-    let name = format!("{name}.planner");
-    let stream = site.graph().stream(&name).and_then(|stream| stream.typed::<Span>());
-    let stream = stream.with_context(|| format!("there is no stream `{name}`"))?;
-    let deadline = Deadline::from_policy(stream, Span::from_secs(before.planner_s));
-    Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction.into())))
+    let reaction = execution.reaction.into();
+    let Some(scheduled) = site.kind().scheduled.filter(|_| execution.model == Model::DynamicDeadlines) else {
+        return Ok(site.schedule().deadline.map(|length| Deadline::after(length).reaction(reaction)));
+    };
+    let policy = site.assembly.first_stream::<ResponseBudget>();
+    let policy = policy.context("execution.model: no operator sets deadlines")?.0;
+    let (setup, resolved) = (policy.settings(site.setup).setup, &*policy.resolved);
+    let before = Policy::new(setup, resolved, site).before();
+    let (port, before) = match scheduled {
+        Scheduled::Detector => ("detector", before.detector_s),
+        Scheduled::Planner => ("planner", before.planner_s),
+    };
+    let length = site.lengths(&format!("{}.{port}", policy.name))?;
+    let deadline = Deadline::from_policy(length, Span::from_secs(before));
+    Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction)))
 }
 
 impl OperatorKind for DeadlinePolicy {
@@ -84,22 +89,7 @@ impl OperatorKind for DeadlinePolicy {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let policy = Policy::new(site);
-        let before = respond(&policy.params, None, policy.overhead, 0);
-        let reaction = site.config().execution.reaction;
-        site.add(policy, None)?;
-        let name = format!("{}.detector", site.name());
-        let graph = site.graph();
-        let stream = graph.stream(&name).and_then(|stream| stream.typed::<Span>());
-        let behind: Feedback<Span> = graph.feedback("detector deadline");
-        graph.connect(behind, stream.context("the policy was just added")?);
-        let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
-        let scheduled = |placed: &&Placed| placed.kind.node().scheduled == Some(Scheduled::Detector);
-        for detector in site.assembly.operators().iter().filter(scheduled) {
-            let deadline = deadline.anchor(Anchor::Start).reaction(reaction.into());
-            let _configured = site.graph().operator(&detector.name)?.deadline(deadline);
-        }
-        Ok(())
+        site.add(Policy::new(site.setup(), site.resolved(), site), None)
     }
 }
 
@@ -112,8 +102,7 @@ struct Policy {
 }
 
 impl Policy {
-    fn new(site: &Site<'_>) -> Self {
-        let (config, resolved) = (site.config(), site.resolved());
+    fn new(config: &Config, resolved: &Resolved, site: &Site<'_>) -> Self {
         let period_s = config.sensing.period_ms * 1e-3;
         let params = &resolved.deadlines;
         // A step longer than a period makes the next frame wait.
@@ -129,6 +118,11 @@ impl Policy {
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
         let route = site.surroundings().route.clone();
         Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }
+    }
+
+    /// Deadlines before the first message.
+    fn before(&self) -> Response {
+        respond(&self.params, None, self.overhead, 0)
     }
 }
 

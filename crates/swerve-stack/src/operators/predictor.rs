@@ -68,6 +68,7 @@ impl OperatorKind for Predictors {
     fn node(&self) -> Node {
         Node::new("predictor", "predicted motions of tracks, by the predictor that the configuration names")
             .section(&PredictionConfig::SECTION)
+            .on_ladder()
     }
 
     fn stays(&self, settings: &Settings<'_>) -> Option<&'static str> {
@@ -93,7 +94,8 @@ impl OperatorKind for Predictors {
                 seed: config.seed,
             };
             let ahead = Ahead::new(&site.surroundings().scenario, &params);
-            return site.add(Oracle { ahead, telling, horizon: prediction.horizon(), taken: 0 }, None);
+            let oracle = Oracle { ahead, telling, horizon: prediction.horizon(), taken: 0 };
+            return site.add_carrying(oracle, None, Oracle::carry);
         }
         let road = prediction.follows_road(&config.registry).then(|| site.surroundings().route.clone());
         let wrong = |message| anyhow::anyhow!("prediction.weights: {message}");
@@ -136,6 +138,12 @@ impl Operator for Oracle {
 }
 
 impl Oracle {
+    /// Carries the states of the world over to another rung.
+    fn carry(from: &mut Self, to: &mut Self) {
+        core::mem::swap(&mut from.ahead, &mut to.ahead);
+        core::mem::swap(&mut from.taken, &mut to.taken);
+    }
+
     /// Future positions of the actor of a track, found by the poses of all actors `now`.
     fn places(&self, now: &[(ActorId, Pose2)], track: &Track, instants: &[Time]) -> Option<Vec<Point2>> {
         let off = |(_, pose): &&(ActorId, Pose2)| pose.point().distance(track.pose.point());

@@ -55,7 +55,8 @@ pub(super) struct In {
 impl Kind for Segmentation {
     const NODE: Node =
         Node::new("segmentation", "road, sidewalk, buildings, people and more, pixel by pixel")
-            .heavy(Heavy::Yes);
+            .heavy(Heavy::Yes)
+            .on_ladder();
     type Table = Table;
 
     fn problems(table: &Table) -> KeyProblems {
