@@ -15,17 +15,22 @@ const AGE: Span = Span::from_ms(4000);
 const APART: Span = Span::from_ms(95);
 /// Error of odometry along its path, as a share of the distance.
 const DRIFT: f64 = 0.02;
+/// The same of the change from one step to the next.
+const CHANGE_DRIFT: f64 = 0.01;
 /// The same between two neighbouring fixes, which may be on both sides of a bend.
 const STEP_DRIFT: f64 = 0.05;
 /// Largest residual of a consistent window, in standard deviations.
 const OUTLIER: f64 = 3.5;
-/// Noise of fixes counts as understated if it is this many times the reported deviation over as many fixes: less than one
-/// window in a million exceeds either by chance. While the filter is inconsistent with the fixes, less suffices.
-const UNDERSTATED: [(usize, f64); 2] = [(7, 3.5), (MEASURED, 2.2)];
-const UNDERSTATED_IN_DOUBT: [(usize, f64); 2] = [(7, 2.5), (MEASURED, 1.7)];
+/// Numbers of differences over which the noise of fixes is measured. Their median ignores one jump from 7 on, and a jump
+/// and its end from 13 on.
+const SHORT: [usize; 2] = [7, 13];
+const LONG: usize = 23;
+/// Noise counts as understated if it is this many times the reported one over a short and over a long window: less than
+/// one window in a million exceeds either by chance. While the filter is inconsistent with the fixes, less suffices.
+const UNDERSTATED: [f64; 2] = [3.5, 2.2];
+const UNDERSTATED_IN_DOUBT: [f64; 2] = [2.5, 1.7];
 /// Measured noise below which the reported deviation is used again, as a ratio to it.
-const STATED: [(usize, f64); 2] = [(7, 1.5), (MEASURED, 1.5)];
-const MEASURED: usize = 23;
+const STATED: [f64; 2] = [1.5, 1.5];
 /// Median of a sum of two squares of standard normal numbers.
 const MEDIAN_SQUARES: f64 = 1.386;
 
@@ -84,7 +89,7 @@ pub(super) struct Fixes {
     refused: u32,
     since: Option<Time>,
     /// Squares of the second differences of positions, less those of the path, m², newest last.
-    squares_m2: [f64; MEASURED],
+    squares_m2: [f64; LONG],
     compared: usize,
     /// Deviation of a coordinate as measured, and true while it is far above the reported one.
     noise_m: f64,
@@ -132,8 +137,8 @@ impl Fixes {
     }
 
     /// Measures the noise of the fixes in the second differences of their positions, in which the motion of the car
-    /// cancels but for its acceleration, known from the path. Their variance is six times that of a fix, and their
-    /// median ignores jumps.
+    /// cancels but for its acceleration, known from the path within the error of odometry. Their variance is six times
+    /// that of a fix, and their median ignores jumps.
     fn measure(&mut self, stated_m: f64, turn_rad: f64, in_doubt: bool) {
         let [.., first, middle, last] = &self.kept[..self.count] else { return };
         let second = |of: fn(&Kept) -> [f64; 2]| -> [f64; 2] {
@@ -144,16 +149,18 @@ impl Fixes {
         let (sin, cos) = math::sin_cos(turn_rad);
         let [off_x, off_y] = [fixes[0] - (x * cos - y * sin), fixes[1] - (x * sin + y * cos)];
         self.squares_m2.rotate_left(1);
-        self.squares_m2[MEASURED - 1] = off_x * off_x + off_y * off_y;
-        self.compared = (self.compared + 1).min(MEASURED);
+        let drift_m = CHANGE_DRIFT * (last.length_m - first.length_m);
+        self.squares_m2[LONG - 1] = (off_x * off_x + off_y * off_y - drift_m * drift_m).max(0.0);
+        self.compared = (self.compared + 1).min(LONG);
         let limits = match (self.is_understated, in_doubt) {
             (true, _) => STATED,
             (false, true) => UNDERSTATED_IN_DOUBT,
             (false, false) => UNDERSTATED,
         };
-        let measured_m = limits.map(|(count, ratio)| (self.deviation_m(count), ratio * stated_m));
-        self.noise_m = measured_m.iter().fold(0.0, |most_m, (noise_m, _)| noise_m.max(most_m));
-        self.is_understated = measured_m.iter().any(|(noise_m, limit_m)| noise_m > limit_m);
+        let measured_m = [self.compared.clamp(SHORT[0], SHORT[1]), LONG].map(|count| self.deviation_m(count));
+        self.noise_m = measured_m[0].max(measured_m[1]);
+        self.is_understated =
+            measured_m.iter().zip(limits).any(|(noise_m, ratio)| *noise_m > ratio * stated_m);
     }
 
     /// Deviation of a coordinate of the fixes by the latest differences, metres; 0 for too few.
@@ -162,7 +169,7 @@ impl Fixes {
             return 0.0;
         }
         let mut squares_m2 = self.squares_m2;
-        let latest = &mut squares_m2[MEASURED - count..];
+        let latest = &mut squares_m2[LONG - count..];
         latest.sort_by(f64::total_cmp);
         (latest[count / 2] / (6.0 * MEDIAN_SQUARES)).sqrt()
     }
