@@ -30,6 +30,8 @@ pub(super) struct Predictors;
 struct ByTracks {
     predictor: Box<dyn Predictor>,
     horizon: Horizon,
+    /// True if covariances are published.
+    covariances: bool,
     /// Road that vehicles are predicted along.
     road: Option<Route>,
 }
@@ -46,6 +48,8 @@ struct Oracle {
     ahead: Ahead,
     telling: Telling,
     horizon: Horizon,
+    /// True if covariances are published.
+    covariances: bool,
     /// Number of world states taken.
     taken: u64,
 }
@@ -84,6 +88,7 @@ impl OperatorKind for Predictors {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let config = site.setup();
         let prediction = &config.prediction;
+        let (horizon, covariances) = (prediction.horizon(), prediction.covariances);
         if is_told(&site.settings()) {
             let params = SimParams { dt: span_of_ms(config.sim.dt_ms), vehicle: config.sim.vehicle.clone() };
             let telling = Telling {
@@ -92,15 +97,24 @@ impl OperatorKind for Predictors {
                 seed: config.seed,
             };
             let ahead = Ahead::new(&site.surroundings().scenario, &params);
-            return site.add(Oracle { ahead, telling, horizon: prediction.horizon(), taken: 0 }, None);
+            return site.add(Oracle { ahead, telling, horizon, covariances, taken: 0 }, None);
         }
         let road = prediction.follows_road(&config.registry).then(|| site.surroundings().route.clone());
         let wrong = |message| anyhow::anyhow!("prediction.weights: {message}");
         let weights = prediction.file_weights().map_err(wrong)?;
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("prediction: {}", in_one_line(&found));
         let predictor = prediction.built(&config.registry, weights.as_ref()).map_err(wrong)?;
-        site.add(ByTracks { predictor, horizon: prediction.horizon(), road }, None)
+        site.add(ByTracks { predictor, horizon, covariances, road }, None)
     }
+}
+
+/// Removes covariances unless they are to be published, and with them whether modes are joint.
+fn published(mut list: PredictionList, covariances: bool) -> PredictionList {
+    if !covariances {
+        list.joint = false;
+        list.predictions.iter_mut().for_each(|one| one.covariances_m2 = Vec::new());
+    }
+    list
 }
 
 impl Operator for ByTracks {
@@ -110,7 +124,8 @@ impl Operator for ByTracks {
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
             let ground = Ground::road(self.road.as_ref());
-            out.loan().send(self.predictor.predict(tracks, &self.horizon, ground));
+            let list = self.predictor.predict(tracks, &self.horizon, ground);
+            out.loan().send(published(list, self.covariances));
         }
     }
 }
@@ -129,7 +144,8 @@ impl Operator for Oracle {
         if let Some(tracks) = input.tracks.get() {
             let now: Vec<_> = self.ahead.all_at(tracks.stamp).collect();
             let told = |track: &Track, instants: &[Time]| self.places(&now, track, instants);
-            out.loan().send(PredictionList::from(&foretold(tracks, &self.horizon, &self.telling, &told)));
+            let list = foretold(tracks, &self.horizon, &self.telling, &told);
+            out.loan().send(published(list, self.covariances));
         }
     }
 }
