@@ -7,7 +7,7 @@ use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_core::{Rng, Span, Time};
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, Vector2, math};
 use swerve_msg::{ActorId, ActorKind, Extent, Route, Sighting, Track, TrackList};
-use swerve_prediction::{Ground, Horizon, PredictorName, forecast};
+use swerve_prediction::{Ground, Horizon, PredictorName, predict};
 
 /// Number of past observations, and their interval.
 const PAST: i64 = 64;
@@ -69,7 +69,7 @@ fn main() {
     for name in PredictorName::ALL {
         let ms = (0..calls).map(|_| {
             let start = now();
-            black_box(forecast(name, black_box(&tracks), &horizon, Ground::Road(&road)));
+            black_box(predict(name, black_box(&tracks), &horizon, Ground::Road(&road)));
             1e3 * start.elapsed().as_secs_f64()
         });
         let sample = Sample::new(ms.collect());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_prediction::recorded::{Protocol, commonroad_csv, commonroad_lanelets};
-use swerve_prediction::{Ground, Horizon, PredictorName, forecast};
+use swerve_prediction::{Ground, Horizon, PredictorName, predict};
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
     let Ok(lanes) = commonroad_lanelets(text).map(Arc::new) else { return };
@@ -14,7 +14,7 @@ libfuzzer_sys::fuzz_target!(|text: &str| {
     for recording in recordings.values() {
         let _either_way = recording.placed(&lanes);
         for scene in recording.scenes(&Protocol::whole(8, 2)) {
-            let _foretold = forecast(PredictorName::LaneIdm, &scene.tracks, &horizon, Ground::Lanes(&lanes));
+            let _foretold = predict(PredictorName::LaneIdm, &scene.tracks, &horizon, Ground::Lanes(&lanes));
         }
     }
 });

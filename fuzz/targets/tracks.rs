@@ -3,14 +3,14 @@
 //! another speed.
 
 use swerve_prediction::recorded::{Protocol, RecordedTrack, Recording, commonroad_csv, eth_ucy, text};
-use swerve_prediction::{Ground, Horizon, PredictorName, forecast};
+use swerve_prediction::{Ground, Horizon, PredictorName, predict};
 
 /// By one of the predictors, which the size of the file draws.
 fn foretold(recording: &Recording, size: usize) {
     let horizon = Horizon { steps: 4, step: recording.step };
     let predictor = PredictorName::ALL[size % PredictorName::ALL.len()];
     for scene in recording.scenes(&Protocol { predict_min: 1, ..Protocol::whole(3, 4) }) {
-        let _foretold = forecast(predictor, &scene.tracks, &horizon, Ground::Open);
+        let _foretold = predict(predictor, &scene.tracks, &horizon, Ground::Open);
     }
 }
 

@@ -28,7 +28,7 @@ class Message:
 
     @classmethod
     def from_plain(cls: type[_M], plain: dict[str, Any]) -> _M:
-        """The message that a dictionary by field name describes."""
+        """The message that a dictionary by field name describes; logs of earlier versions lack lists and flags."""
         fields = {name: decode(plain.get(name)) for name, decode, _ in _converters(cls)}
         if "pixels" in fields:
             fields["pixels"] = _pixels(fields["pixels"], fields["height_px"], fields["width_px"])
@@ -113,9 +113,11 @@ def _decoder(hint: Any) -> _Converter:
     origin, arguments = _parts(hint)
     if origin is list:
         decode = _decoder(arguments[0])
-        return lambda values: [decode(value) for value in values]
+        return lambda values: [decode(value) for value in values or ()]
     if origin is tuple:
         return tuple
+    if hint is bool:
+        return bool
     if isinstance(hint, type):
         if issubclass(hint, Message):
             return hint.from_plain

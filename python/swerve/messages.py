@@ -6,7 +6,7 @@ are integer nanoseconds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -467,53 +467,6 @@ class FaultInjection(Message):
 
 
 @dataclass(slots=True)
-class ForecastPose(Message):
-    """Predicted pose at one instant, with its uncertainty."""
-    at: Time
-    """Instant."""
-    pose: Pose2
-    """Pose of the centre in the map."""
-    covariance_m2: tuple[float, float, float]
-    """Covariance of the centre in the map: xx, xy, yy, m²."""
-
-
-@dataclass(slots=True)
-class Mode(Message):
-    """One possible future motion of an actor."""
-    probability: float
-    """Probability of this mode, 0 to 1."""
-    path: list[ForecastPose]
-    """Poses at increasing instants; the first describes the stamp of the list. Never empty."""
-
-
-@dataclass(slots=True)
-class Forecast(Message):
-    """All possible future motions of one actor."""
-    id: ActorId
-    """Identity of the track."""
-    kind: ActorKind
-    """Kind of the actor."""
-    extent: Extent
-    """Size."""
-    modes: list[Mode]
-    """At least one mode. All modes have the same instants; their probabilities sum to 1."""
-
-
-@dataclass(slots=True)
-class ForecastList(Message):
-    """Possible future motions of all tracks."""
-    stamp: Time
-    """Instant of the newest sighting used."""
-    forecasts: list[Forecast]
-    """Ordered by identity."""
-    joint: bool
-    """True if the modes are joint: mode `k` of one actor occurs with mode `k` of all others, and all have
-    equally many modes. Probabilities remain those of each actor, since a bound on the collision probability
-    sums over single actors.
-    """
-
-
-@dataclass(slots=True)
 class VehicleReport(Message):
     """State that the vehicle reports."""
     stamp: Time
@@ -794,7 +747,7 @@ class PredictedPose(Message):
 
 @dataclass(slots=True)
 class Prediction(Message):
-    """Predicted motion of one obstacle."""
+    """One possible future motion (mode) of a road user. All modes of a road user are adjacent in the list."""
     id: ActorId
     """Identity of the track."""
     kind: ActorKind
@@ -802,9 +755,13 @@ class Prediction(Message):
     extent: Extent
     """Size."""
     probability: float
-    """Probability of this path, 0 to 1."""
+    """Probability of this path, 0 to 1. Those of all modes of a road user sum to 1."""
     path: list[PredictedPose]
     """Poses at increasing instants; the first describes the stamp of the list. Never empty."""
+    covariances_m2: list[tuple[float, float, float]] = field(default_factory=list)
+    """Covariance of the centre in the map at each pose of the path: xx, xy, yy, m². Empty if the uncertainty
+    is unknown.
+    """
 
 
 @dataclass(slots=True)
@@ -814,6 +771,11 @@ class PredictionList(Message):
     """Instant of the newest sighting used."""
     predictions: list[Prediction]
     """Ordered by identity."""
+    joint: bool = False
+    """True if the modes are known to be joint: mode `k` of one road user occurs with mode `k` of all others,
+    and all have equally many modes. Probabilities remain those of each road user, since a bound on the
+    collision probability sums over them.
+    """
 
 
 @dataclass(slots=True)
@@ -1074,9 +1036,6 @@ __all__ = [
     "EndReason",
     "Extent",
     "FaultInjection",
-    "Forecast",
-    "ForecastList",
-    "ForecastPose",
     "GateMode",
     "GateOutput",
     "Gnss",
@@ -1092,7 +1051,6 @@ __all__ = [
     "Lanes",
     "LocalPose",
     "Message",
-    "Mode",
     "MotionCommand",
     "Obb",
     "Obstacle",

@@ -44,8 +44,8 @@ class Item:
     doc: str
     attributes: str
     lines: list[str]
-    # (name, type or None, doc, skipped)
-    fields: list[tuple[str, str | None, str, bool]] = field(default_factory=list)
+    # (name, type or None, doc, skipped, missing in messages of earlier versions)
+    fields: list[tuple[str, str | None, str, bool, bool]] = field(default_factory=list)
 
 
 def items(text: str) -> list[Item]:
@@ -83,13 +83,14 @@ def snake(name: str) -> str:
 
 def read_fields(item: Item) -> None:
     doc: list[str] = []
-    skipped = False
+    skipped = added = False
     for line in item.lines:
         if line.startswith("///"):
             doc.append(line[4:])
             continue
         if line.startswith("#["):
             skipped |= "serde(skip)" in line
+            added |= "unless_default" in line
             continue
         if item.kind == "struct":
             match = re.match(r"(?:pub )?(\w+): (.+),$", line)
@@ -97,8 +98,8 @@ def read_fields(item: Item) -> None:
             match = re.match(r"(\w+)(?:\((.+)\))?,$", line)
         if match is None:
             raise SystemExit(f"{item.name}: cannot read `{line}`")
-        item.fields.append((match[1], match[2], " ".join(doc), skipped))
-        doc, skipped = [], False
+        item.fields.append((match[1], match[2], " ".join(doc), skipped, added))
+        doc, skipped, added = [], False, False
 
 
 def python_type(rust: str, known: set[str]) -> str:
@@ -136,10 +137,14 @@ def wrapped(text: str, indent: str) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-def default(kind: str) -> str:
+def default(kind: str, added: bool) -> str:
     """What a field is where nothing is said: the zero of its type, if that is plain."""
     if kind.endswith("| None"):
         return " = None"
+    if added and kind.startswith("list["):
+        return " = field(default_factory=list)"
+    if added and kind == "bool":
+        return " = False"
     return ""
 
 
@@ -154,7 +159,7 @@ def write(all_items: list[Item]) -> str:
         "",
         "from __future__ import annotations",
         "",
-        "from dataclasses import dataclass",
+        "from dataclasses import dataclass, field",
         "from enum import Enum",
         "",
         "import numpy as np",
@@ -174,23 +179,23 @@ def write(all_items: list[Item]) -> str:
         if item.kind == "alias":
             out += [f"#: {doc}", f"{item.name} = {python_type(item.lines[0], known)}"]
             continue
-        if item.kind == "enum" and all(kind is None for _, kind, _, _ in item.fields):
+        if item.kind == "enum" and all(kind is None for _, kind, _, _, _ in item.fields):
             out += ["", "", f"class {item.name}(str, Enum):", *docstring(doc)]
-            for name, _, about, _ in item.fields:
+            for name, _, about, _, _ in item.fields:
                 out += [f'    {snake(name).upper()} = "{snake(name)}"', *docstring(text_of(about))]
             continue
         if item.kind == "enum":
-            tags = {snake(name): kind for name, kind, _, _ in item.fields}
+            tags = {snake(name): kind for name, kind, _, _, _ in item.fields}
             kinds = sorted({python_type(kind, known) for kind in tags.values() if kind})
             out += ["", "", "@dataclass(frozen=True, slots=True)", f"class {item.name}(Tagged):", *docstring(doc)]
             out += ["    kind: str", *docstring("One of " + ", ".join(f"`{tag}`" for tag in tags) + ".")]
             out += [f"    value: {' | '.join(kinds)} | None = None"]
             continue
         out += ["", "", "@dataclass(slots=True)", f"class {item.name}(Message):", *docstring(doc)]
-        plain = [(n, python_type(k or "", known), d) for n, k, d, skipped in item.fields if not skipped]
-        last_required = max((i for i, (_, k, _) in enumerate(plain) if not default(k)), default=-1)
-        for i, (name, kind, about) in enumerate(plain):
-            out.append(f"    {name}: {kind}{default(kind) if i > last_required else ''}")
+        plain = [(n, python_type(k or "", known), d, added) for n, k, d, skipped, added in item.fields if not skipped]
+        last_required = max((i for i, (_, k, _, added) in enumerate(plain) if not default(k, added)), default=-1)
+        for i, (name, kind, about, added) in enumerate(plain):
+            out.append(f"    {name}: {kind}{default(kind, added) if i > last_required else ''}")
             if about:
                 out += docstring(text_of(about))
     listed = ",\n    ".join(f'"{name}"' for name in sorted(names))
@@ -217,7 +222,7 @@ def main() -> None:
         if item.kind != "alias":
             read_fields(item)
     # An enum that carries another one comes after it.
-    all_items.sort(key=lambda item: any(kind for _, kind, _, _ in item.fields if item.kind == "enum"))
+    all_items.sort(key=lambda item: any(kind for _, kind, _, _, _ in item.fields if item.kind == "enum"))
     text = write(all_items)
     if sys.argv[1:] == ["--check"]:
         if TARGET.read_text() != text:

@@ -4,7 +4,7 @@ mod form;
 
 use core::fmt;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use xxhash_rust::xxh3::Xxh3;
 
 use form::Form;
@@ -82,6 +82,25 @@ pub fn digest_of<T: Serialize + ?Sized>(value: &T) -> Digest {
     form.digest()
 }
 
+/// Name by which a [`Form`] recognises a default that it leaves out.
+const DEFAULT: &str = "swerve default";
+
+/// Serializes a field that was added to a type, with `#[serde(default, serialize_with = "unless_default")]`: its default
+/// adds nothing to digests, which thus remain those of earlier versions. All other formats contain it.
+///
+/// Unlike `skip_serializing_if`, this also suits formats without field names.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn unless_default<T, S>(value: &T, serializer: S) -> Result<S::Ok, S::Error>
+where
+    T: Serialize + Default + PartialEq,
+    S: Serializer,
+{
+    let name = if *value == T::default() { DEFAULT } else { "value" };
+    serializer.serialize_newtype_struct(name, value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,6 +156,21 @@ mod tests {
         let pair = |a: &[u64], b: &[u64]| digest_of(&(Uncounted(a.to_vec()), Uncounted(b.to_vec())));
         assert_ne!(pair(&[1], &[2, 3]), pair(&[1, 2], &[3]));
         assert_ne!(digest_of(&None::<u8>), digest_of(&Some(0_u8)));
+    }
+
+    #[test]
+    fn default_of_an_added_field_keeps_the_digest() {
+        #[derive(Serialize)]
+        struct Extended {
+            old: u64,
+            #[serde(serialize_with = "unless_default")]
+            added: Vec<f64>,
+        }
+        let extended =
+            |added: Vec<f64>| digest_of(&[Extended { old: 1, added }, Extended { old: 2, added: vec![] }]);
+        assert_eq!(extended(vec![]), digest_of(&[1_u64, 2]));
+        assert_ne!(extended(vec![0.5]), extended(vec![]));
+        assert_ne!(extended(vec![0.5]), extended(vec![0.25]));
     }
 
     #[test]

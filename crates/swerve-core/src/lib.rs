@@ -11,7 +11,7 @@ pub mod param;
 mod rng;
 mod time;
 
-pub use digest::{Digest, Hasher, digest_of};
+pub use digest::{Digest, Hasher, digest_of, unless_default};
 pub use param::{ParamError, ParamValue, Ranges};
 pub use rng::Rng;
 pub use time::{Span, Time};

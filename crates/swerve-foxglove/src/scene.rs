@@ -7,7 +7,7 @@ use foxglove::messages::{
     SceneEntity, SceneEntityDeletion, SceneUpdate, TextPrimitive, Timestamp,
 };
 use swerve_core::Time;
-use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform};
+use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform, math};
 use swerve_msg::truth::Actor;
 use swerve_msg::{ActorId, Extent, Lanes, Plan, PredictionList, TrackList};
 
@@ -101,15 +101,30 @@ pub(crate) fn tracks(list: &TrackList) -> SceneUpdate {
     anew(list.stamp, list.tracks.iter().map(of).collect())
 }
 
-/// Predictions of the stack.
+/// Predictions of the stack, with the ellipse of one standard deviation at the end of each.
 pub(crate) fn predictions(list: &PredictionList) -> SceneUpdate {
     let of = |(k, prediction): (usize, &swerve_msg::Prediction)| {
         let path = prediction.path.iter().map(|p| [p.pose.x_m, p.pose.y_m, OVER_M]).map(point).collect();
-        let line = LinePrimitive { color: Some(colour_of(prediction.kind, 160)), ..strip(path, GREY, 0.15) };
+        let color = Some(colour_of(prediction.kind, 160));
+        let line = |points, thickness| LinePrimitive { color, ..strip(points, GREY, thickness) };
+        let end = prediction.path.last().zip(prediction.covariances_m2.last());
+        let ellipse = end.map(|(end, covariance_m2)| line(ellipse(end.pose, *covariance_m2), 0.05));
         let id = format!("prediction {} of {}", k, prediction.id.0);
-        SceneEntity { lines: vec![line], ..entity(list.stamp, &id) }
+        let lines = core::iter::once(line(path, 0.15)).chain(ellipse).collect();
+        SceneEntity { lines, ..entity(list.stamp, &id) }
     };
     anew(list.stamp, list.predictions.iter().enumerate().map(of).collect())
+}
+
+/// Ellipse of one standard deviation around a position.
+fn ellipse(at: Pose2, [xx, xy, yy]: [f64; 3]) -> Vec<Point3> {
+    let x_m = xx.max(f64::MIN_POSITIVE).sqrt();
+    let (along_m, beside_m) = (xy / x_m, (yy - xy * xy / (x_m * x_m)).max(0.0).sqrt());
+    let on = |k: i32| {
+        let (sin, cos) = math::sin_cos(f64::from(k) * core::f64::consts::TAU / 24.0);
+        point([at.x_m + x_m * cos, at.y_m + along_m * cos + beside_m * sin, OVER_M])
+    };
+    (0..=24).map(on).collect()
 }
 
 /// Plan of the stack; orange for a fallback.

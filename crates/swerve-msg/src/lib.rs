@@ -10,7 +10,6 @@ mod deadline;
 mod detection;
 mod ego;
 mod event;
-mod forecast;
 mod gate;
 mod health;
 mod image;
@@ -34,7 +33,6 @@ pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent,
     RedLightEvents, RoadLine, Side, Signal,
 };
-pub use forecast::{Forecast, ForecastList, ForecastPose, Mode};
 pub use gate::{
     GateMode, GateOutput, Longitudinal, Refusal, Refusals, StopCause, Switch, VehicleReport, WireAlarm,
 };

@@ -1,6 +1,7 @@
 //! The exact collision check that all planners and tests share.
 //!
-//! Obstacles are oriented boxes that stand or move along their predictions. A footprint is *free* when it touches no
+//! Obstacles are oriented boxes that stand or move along their predictions, with one standard deviation added on each
+//! side if the prediction has covariances. A footprint is *free* when it touches no
 //! obstacle and keeps a clearance (Euclidean distance between the two rectangles). Motions between two poses are
 //! checked by bisection: an interval is free once the distance at its middle exceeds what can move within it, so
 //! nothing tunnels through, however far apart the samples are.
@@ -14,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, angle_between, math};
-use swerve_msg::{ActorKind, Prediction};
+use swerve_msg::{ActorKind, PredictedPose, Prediction};
 
 use walked::Walked;
 
@@ -155,7 +156,11 @@ impl Obstacles {
             self.push(walked, mode);
             return;
         }
-        let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
+        let outline = |(k, p): (usize, &PredictedPose)| {
+            let [length_m, width_m] = sizes_m(prediction, k);
+            (p.at, Obb::new(p.pose, length_m, width_m))
+        };
+        let boxes = prediction.path.iter().enumerate().map(outline);
         self.push(boxes, mode);
     }
 
@@ -314,6 +319,20 @@ impl Obstacles {
             }
         }
     }
+}
+
+/// Length and width of a road user at the `k`-th pose of its path, with one standard deviation of the position added on
+/// each side. The last covariance also holds for later poses.
+fn sizes_m(one: &Prediction, k: usize) -> [f64; 2] {
+    let (length_m, width_m) = (one.extent.length_m, one.extent.width_m);
+    let covariances_m2 = &one.covariances_m2;
+    let Some([xx, xy, yy]) = covariances_m2.get(k).or(covariances_m2.last()) else {
+        return [length_m, width_m];
+    };
+    let (sin, cos) = math::sin_cos(one.path[k].pose.heading_rad);
+    let along_m2 = xx * cos * cos + 2.0 * xy * sin * cos + yy * sin * sin;
+    let across_m2 = xx * sin * sin - 2.0 * xy * sin * cos + yy * cos * cos;
+    [length_m + 2.0 * along_m2.max(0.0).sqrt(), width_m + 2.0 * across_m2.max(0.0).sqrt()]
 }
 
 fn nearer(footprint: &Solid, solid: &Solid, radii_m: f64, nearest_m: f64) -> f64 {

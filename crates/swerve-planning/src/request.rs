@@ -23,7 +23,9 @@ pub struct Request<'a> {
     /// Longest distance over the line of the own lane to overtake a moving road user, metres: as far as the pose
     /// estimate lasts without a fix.
     pub overtake_max_m: f64,
-    /// Predicted motions of other road users, ordered by identity.
+    /// Predicted motions of other road users, ordered by identity. The collision check adds one standard deviation of
+    /// their covariances on each side; [`plan_within_risk`](crate::collision::plan_within_risk) scales covariances to
+    /// its bound.
     pub predictions: &'a [Prediction],
     /// Identities of those that stopped, set off or came into sight moving in the last seconds: they may change their
     /// pace again.

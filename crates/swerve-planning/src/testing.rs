@@ -86,13 +86,9 @@ impl World {
                 PredictedPose { at: self.start.stamp + Span::from_secs(t), pose: Pose2::new(x, y, 0.0) }
             })
             .collect();
-        self.predictions.push(Prediction {
-            id: ActorId(self.predictions.len() as u32 + 1),
-            kind,
-            extent: Extent { length_m: size.0, width_m: size.1, height_m: 1.8 },
-            probability: 1.0,
-            path,
-        });
+        let id = ActorId(self.predictions.len() as u32 + 1);
+        let extent = Extent { length_m: size.0, width_m: size.1, height_m: 1.8 };
+        self.predictions.push(Prediction::single(id, kind, extent, path));
         self
     }
 

@@ -35,7 +35,7 @@ const FURTHER_M: f64 = 30.0;
 /// Tolerance of the inverse projection for a place beside the line, metres.
 const LEADS_BACK_M: f64 = 0.5;
 
-/// Time before and after a crossing vehicle for which its path is kept free, seconds.
+/// Time before and after a crossing vehicle without covariances for which its path is kept free, seconds.
 const CROSS_S: f64 = 0.5;
 
 /// Largest angle to the road of a motion along it, radians.
@@ -259,7 +259,7 @@ fn is_vehicle(kind: ActorKind) -> bool {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(crate) struct Traffic {
     /// Predictions, those of vehicles extended until [`HORIZON_S`], followed by crossing vehicles [`CROSS_S`] earlier
-    /// and later.
+    /// and later if their uncertainty is unknown.
     pub(crate) predictions: Vec<Prediction>,
     /// For each prediction, true if it drives along the line in its direction.
     drives_along: Vec<bool>,
@@ -278,7 +278,8 @@ impl Traffic {
             let drives_along =
                 |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
             traffic.drives_along.push(movers.iter().any(drives_along));
-            if movers.iter().any(|one| one.is_vehicle() && one.crosses(0.0)) {
+            let is_crossing = movers.iter().any(|one| one.is_vehicle() && one.crosses(0.0));
+            if is_crossing && one.covariances_m2.is_empty() {
                 crossing.extend([-CROSS_S, CROSS_S].map(|late_s| later(&one, late_s)));
             }
             traffic.movers.extend(movers);

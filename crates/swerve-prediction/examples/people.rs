@@ -10,10 +10,10 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use serde::Deserialize;
-use swerve_msg::{Forecast, Mode};
+use swerve_msg::Prediction;
 use swerve_prediction::learned::{Example, Learning, Shape, Weights, examples, train};
 use swerve_prediction::recorded::{Protocol, Recording, Window, eth_ucy};
-use swerve_prediction::{Ground, Horizon, forecast_by};
+use swerve_prediction::{Ground, Horizon, predict_by};
 
 const SETS: [(&str, &[&str]); 5] = [
     ("eth", &["biwi_eth"]),
@@ -117,15 +117,18 @@ fn judged<'a>(weights: &Weights, recordings: impl Iterator<Item = &'a Recording>
     let (mut count, mut sums) = (0, [0.0; 5]);
     for recording in recordings {
         for scene in recording.scenes(&Protocol::whole(8, 12)) {
-            let list = forecast_by(
+            let list = predict_by(
                 weights,
                 &scene.tracks,
                 &Horizon { steps: 12, step: recording.step },
                 Ground::Open,
             );
             for window in &scene.windows {
-                let Some(one) = list.forecasts.iter().find(|one| one.id == window.id) else { continue };
-                sums.iter_mut().zip(figures(one, window)).for_each(|(sum, figure)| *sum += figure);
+                let modes = list.modes_of(window.id);
+                if modes.is_empty() {
+                    continue;
+                }
+                sums.iter_mut().zip(figures(modes, window)).for_each(|(sum, figure)| *sum += figure);
                 count += 1;
             }
         }
@@ -133,23 +136,23 @@ fn judged<'a>(weights: &Weights, recordings: impl Iterator<Item = &'a Recording>
     (count, sums.map(|sum| sum / f64::from(count.max(1) as u32)))
 }
 
-fn figures(one: &Forecast, window: &Window) -> [f64; 5] {
-    let off = |mode: &Mode| {
+fn figures(modes: &[Prediction], window: &Window) -> [f64; 5] {
+    let off = |mode: &Prediction| {
         let steps = mode.path[1..].iter().zip(&window.truth);
         let off: Vec<f64> = steps.map(|(at, truth)| at.pose.point().distance(*truth)).collect();
         (off.iter().sum::<f64>() / off.len() as f64, off[off.len() - 1])
     };
-    let (ade, fde) = one.likeliest().map_or((f64::NAN, f64::NAN), off);
-    let best = |of: fn((f64, f64)) -> f64| one.modes.iter().map(|m| of(off(m))).fold(f64::INFINITY, f64::min);
+    let (ade, fde) = Prediction::likeliest(modes).map_or((f64::NAN, f64::NAN), off);
+    let best = |of: fn((f64, f64)) -> f64| modes.iter().map(|m| of(off(m))).fold(f64::INFINITY, f64::min);
     let density = |step: usize| {
-        let part = |mode: &Mode| {
+        let part = |mode: &Prediction| {
             let at = &mode.path[step + 1];
-            let ([xx, xy, yy], to) = (at.covariance_m2, window.truth[step] - at.pose.point());
+            let ([xx, xy, yy], to) = (mode.covariances_m2[step + 1], window.truth[step] - at.pose.point());
             let det = xx * yy - xy * xy;
             let squared = (yy * to.x * to.x - 2.0 * xy * to.x * to.y + xx * to.y * to.y) / det;
             mode.probability * libm::exp(-0.5 * squared) / (core::f64::consts::TAU * det.sqrt())
         };
-        one.modes.iter().map(part).sum::<f64>().max(1e-300)
+        modes.iter().map(part).sum::<f64>().max(1e-300)
     };
     let steps = window.truth.len();
     let nats = -(0..steps).map(|step| libm::log(density(step))).sum::<f64>() / steps as f64;

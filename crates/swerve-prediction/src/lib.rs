@@ -1,8 +1,7 @@
 //! Prediction of the motion of road users from their tracks.
 //!
 //! [`History`] stores the past sightings of each obstacle and provides tracks; [`linear`] extrapolates tracks to
-//! time-indexed predictions, which [`road`] bends along the road; [`forecast`] has further predictors, whose
-//! forecasts have modes and covariances; [`lanes`] is the lane graph for vehicles; [`recorded`] reads recorded tracks
+//! time-indexed predictions, which [`road`] bends along the road; [`predict`] has further predictors, with several modes; [`lanes`] is the lane graph for vehicles; [`recorded`] reads recorded tracks
 //! for evaluation. All poses are in the map frame and refer to the centre of a footprint. Excluded: engine,
 //! simulator, files, clocks; time is given by stamps only.
 
@@ -20,5 +19,5 @@ pub mod road;
 
 pub use history::{History, HistoryParams};
 pub use predictor::{
-    Ground, Horizon, Predictor, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped,
+    Ground, Horizon, Predictor, PredictorName, Telling, Told, foretold, predict, predict_by, shipped,
 };

@@ -10,6 +10,8 @@ use swerve_core::{Ranges, Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
+use crate::predictor::wander;
+
 /// Treatment of an obstacle with a single sighting.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -79,10 +81,10 @@ impl Default for Params {
 pub fn predict(tracks: &TrackList, params: &Params) -> PredictionList {
     let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
     let predictions = plausible.map(|track| predict_track(track, tracks.stamp, params)).collect();
-    PredictionList { stamp: tracks.stamp, predictions }
+    PredictionList { stamp: tracks.stamp, predictions, joint: false }
 }
 
-fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
+pub(crate) fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
     let history = settled(&track.history, track.velocity_mps, params.rest_speed_mps);
     let recent = &history[history.len().saturating_sub(params.past_steps)..];
     let line = Line::fit(recent, stamp).unwrap_or_else(|| Line {
@@ -105,7 +107,12 @@ fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
             PredictedPose { at: stamp + ahead, pose: Pose2::new(point.x_m, point.y_m, heading_rad) }
         })
         .collect();
-    Prediction { id: track.id, kind: track.kind, extent: track.extent, probability: 1.0, path }
+    let Track { id, kind, extent, .. } = *track;
+    let unseen_s = track.history.last().map_or(0.0, |last| (stamp - last.at).as_secs().max(0.0));
+    let (wander, direction) = (wander(kind), Vector2::from_heading(heading_rad));
+    let after_s = (0..=params.future_steps).map(|k| unseen_s + params.step_s * k as f64);
+    let covariances_m2 = after_s.map(|t_s| wander.covariance_m2(direction, t_s)).collect();
+    Prediction { id, kind, extent, probability: 1.0, path, covariances_m2 }
 }
 
 /// Motion at constant velocity.

@@ -1,4 +1,4 @@
-//! Predictors by name: each turns tracks into forecasts with modes.
+//! Predictors by name: each turns tracks into predictions with modes and covariances.
 
 mod along_road;
 #[cfg(test)]
@@ -18,24 +18,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
-use swerve_msg::{Forecast, ForecastList, PredictionList, Route, Track, TrackList};
+use swerve_msg::{Prediction, PredictionList, Route, Track, TrackList};
 
 use crate::lanes::LaneGraph;
 use crate::learned::{Model, Weights};
 use crate::past::Past;
 
+pub(crate) use drawn::wander;
 pub use truth::{Telling, Told, foretold};
 
 /// A predictor: from tracks to predictions.
 pub trait Predictor: Send {
     /// Predicts the motion of every track, in the map frame: poses at the instants of `horizon` after the list's stamp,
-    /// the pose at the stamp first.
+    /// the pose at the stamp first, and their covariances if the predictor has them.
     fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList;
-
-    /// Predicts with covariances, for evaluation; zero covariances if the predictor has none.
-    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
-        ForecastList::from(&self.predict(tracks, horizon, ground))
-    }
 }
 
 /// Name of a built-in predictor.
@@ -158,6 +154,9 @@ impl<'a> Ground<'a> {
     }
 }
 
+/// Possible motions of one road user; at least one.
+type Modes = Vec<Prediction>;
+
 /// A track with its usable past.
 pub(crate) struct Tracked<'a> {
     pub(crate) track: &'a Track,
@@ -170,7 +169,7 @@ pub(crate) fn seen(tracks: &TrackList) -> Vec<Tracked<'_>> {
     plausible.map(|track| Tracked { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
-/// Forecasts the motion of every track, in the map frame.
+/// Predicts the motion of every track, in the map frame.
 ///
 /// [`PredictorName::LaneIdm`] follows `ground`. On [`Ground::Road`], all others predict vehicles that drive along the
 /// road in its coordinates, without the modes that leave its ground, and those without a model of deceleration
@@ -178,46 +177,51 @@ pub(crate) fn seen(tracks: &TrackList) -> Vec<Tracked<'_>> {
 /// no ground truth here and equals [`PredictorName::ConstantVelocity`]. Implausible tracks ([`Track::is_plausible`])
 /// are dropped. Covariances are those of recorded pedestrians and vehicles (docs/prediction.md), not of the
 /// individual actors.
-pub fn forecast(
+pub fn predict(
     name: PredictorName,
     tracks: &TrackList,
     horizon: &Horizon,
     ground: Ground<'_>,
-) -> ForecastList {
-    match ground {
+) -> PredictionList {
+    let (modes, are_kept) = match ground {
         Ground::Road(route) if name != PredictorName::LaneIdm => {
             let predict = |tracks: &TrackList| on_ground(name, tracks, horizon, Ground::Open);
-            along_road::forecasts(tracks, route, name.knows_no_braking(), predict)
+            along_road::predictions(tracks, route, name.knows_no_braking(), predict)
         }
-        _ => on_ground(name, tracks, horizon, ground),
+        _ => (on_ground(name, tracks, horizon, ground), true),
+    };
+    listed(tracks, modes, are_kept && name == PredictorName::Mfp)
+}
+
+fn listed(tracks: &TrackList, modes: Vec<Modes>, joint: bool) -> PredictionList {
+    PredictionList { stamp: tracks.stamp, predictions: modes.into_iter().flatten().collect(), joint }
+}
+
+/// Modes of each road user, in the coordinates of the tracks.
+fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> Vec<Modes> {
+    let stamp = tracks.stamp;
+    let seen = seen(tracks);
+    match name {
+        PredictorName::Linear => straight::linear(&seen, stamp, horizon),
+        PredictorName::ConstantVelocity => straight::constant_velocity(&seen, stamp, horizon),
+        PredictorName::Kalman => filters::predictions(&seen, stamp, horizon, filters::KALMAN),
+        PredictorName::Ctra => filters::predictions(&seen, stamp, horizon, filters::CTRA),
+        PredictorName::Imm => filters::predictions(&seen, stamp, horizon, filters::IMM),
+        PredictorName::SocialForce => social_force::predictions(&seen, stamp, horizon),
+        PredictorName::Orca => orca::predictions(&seen, stamp, horizon),
+        PredictorName::LaneIdm => lane_idm::predictions(&seen, stamp, horizon, ground),
+        PredictorName::Multipath | PredictorName::Mfp | PredictorName::R2p2 => {
+            let weights = shipped(name).expect("each of these has learnt");
+            learned::predictions(&seen, stamp, horizon, weights)
+        }
+        // Without ground truth.
+        PredictorName::Truth => straight::constant_velocity(&seen, stamp, horizon),
     }
 }
 
-/// Forecasts in the coordinates of the tracks.
-fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
-    let stamp = tracks.stamp;
-    let seen = seen(tracks);
-    let forecasts = match name {
-        PredictorName::Linear => straight::linear(&seen, stamp, horizon),
-        PredictorName::ConstantVelocity => straight::constant_velocity(&seen, stamp, horizon),
-        PredictorName::Kalman => filters::forecasts(&seen, stamp, horizon, filters::KALMAN),
-        PredictorName::Ctra => filters::forecasts(&seen, stamp, horizon, filters::CTRA),
-        PredictorName::Imm => filters::forecasts(&seen, stamp, horizon, filters::IMM),
-        PredictorName::SocialForce => social_force::forecasts(&seen, stamp, horizon),
-        PredictorName::Orca => orca::forecasts(&seen, stamp, horizon),
-        PredictorName::LaneIdm => lane_idm::forecasts(&seen, stamp, horizon, ground),
-        PredictorName::Multipath | PredictorName::Mfp | PredictorName::R2p2 => {
-            let weights = shipped(name).expect("each of these has learnt");
-            learned::forecasts(&seen, stamp, horizon, weights)
-        }
-        PredictorName::Truth => return foretold(tracks, horizon, &Telling::default(), &|_, _| None),
-    };
-    ForecastList { stamp, forecasts, joint: name == PredictorName::Mfp }
-}
-
-/// Forecasts of [`PredictorName::Imm`].
-pub(crate) fn imm(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
-    filters::forecasts(seen, stamp, horizon, filters::IMM)
+/// Modes of each road user by [`PredictorName::Imm`].
+pub(crate) fn imm(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Modes> {
+    filters::predictions(seen, stamp, horizon, filters::IMM)
 }
 
 /// Shipped weights of a learned predictor; `None` for others.
@@ -225,19 +229,17 @@ pub fn shipped(name: PredictorName) -> Option<&'static Weights> {
     learned::shipped(name)
 }
 
-/// As [`forecast`], with weights other than the shipped ones.
-pub fn forecast_by(
+/// As [`predict`], with weights other than the shipped ones.
+pub fn predict_by(
     weights: &Weights,
     tracks: &TrackList,
     horizon: &Horizon,
     ground: Ground<'_>,
-) -> ForecastList {
-    let predict = |tracks: &TrackList| {
-        let forecasts = learned::forecasts(&seen(tracks), tracks.stamp, horizon, weights);
-        ForecastList { stamp: tracks.stamp, forecasts, joint: weights.shape.model == Model::Mfp }
+) -> PredictionList {
+    let predict = |tracks: &TrackList| learned::predictions(&seen(tracks), tracks.stamp, horizon, weights);
+    let (modes, are_kept) = match ground {
+        Ground::Road(route) => along_road::predictions(tracks, route, false, predict),
+        _ => (predict(tracks), true),
     };
-    match ground {
-        Ground::Road(route) => along_road::forecasts(tracks, route, false, predict),
-        _ => predict(tracks),
-    }
+    listed(tracks, modes, are_kept && weights.shape.model == Model::Mfp)
 }

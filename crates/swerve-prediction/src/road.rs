@@ -88,7 +88,7 @@ fn bend(
     let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
     let who = (prediction.kind, prediction.extent.width_m);
     let settling = Settling::of(route, place, who, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
-    for predicted in &mut prediction.path {
+    for (k, predicted) in prediction.path.iter_mut().enumerate() {
         let ahead_s = (predicted.at - first.at).as_secs();
         let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
         let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
@@ -96,8 +96,21 @@ fn bend(
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
         let at = route.unproject(place);
         let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
+        if let Some(covariance_m2) = prediction.covariances_m2.get_mut(k) {
+            *covariance_m2 = turned(*covariance_m2, heading_rad - predicted.pose.heading_rad);
+        }
         predicted.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
     }
+}
+
+/// Rotates a covariance xx, xy, yy by an angle.
+pub(crate) fn turned([xx, xy, yy]: [f64; 3], by_rad: f64) -> [f64; 3] {
+    let (sin, cos) = math::sin_cos(by_rad);
+    [
+        xx * cos * cos - 2.0 * xy * sin * cos + yy * sin * sin,
+        (xx - yy) * sin * cos + xy * (cos * cos - sin * sin),
+        xx * sin * sin + 2.0 * xy * sin * cos + yy * cos * cos,
+    ]
 }
 
 /// Settling of a lateral motion.
@@ -201,7 +214,7 @@ mod tests {
             PredictedPose { at: Time::ZERO + Span::from_secs(0.1) * k, pose }
         };
         let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
-        Prediction { id: ActorId(1), kind, extent, probability: 1.0, path: (0..=30).map(pose).collect() }
+        Prediction::single(ActorId(1), kind, extent, (0..=30).map(pose).collect())
     }
 
     #[test]

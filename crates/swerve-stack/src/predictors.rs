@@ -3,9 +3,9 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::ParamError;
-use swerve_msg::{ForecastList, PredictionList, TrackList};
+use swerve_msg::{PredictionList, TrackList};
 use swerve_prediction::learned::Weights;
-use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, forecast, forecast_by, linear, road};
+use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, linear, predict, predict_by, road};
 use swerve_text::{KeyProblem, overridden};
 
 use crate::config::PredictionConfig;
@@ -69,16 +69,13 @@ impl<P: NamedPredictor> AnyPredictor for Of<P> {
 pub(crate) struct Linear(linear::Params);
 
 impl Predictor for Linear {
-    fn predict(&mut self, tracks: &TrackList, _: &Horizon, ground: Ground<'_>) -> PredictionList {
-        let mut list = linear::predict(tracks, &self.0);
+    fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
+        let (future_steps, step_s) = (horizon.steps, horizon.step.as_secs());
+        let mut list = linear::predict(tracks, &linear::Params { future_steps, step_s, ..self.0 });
         if let Ground::Road(route) = ground {
             road::follow(&mut list.predictions, route);
         }
         list
-    }
-
-    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
-        forecast(PredictorName::Linear, tracks, horizon, ground)
     }
 }
 
@@ -91,12 +88,7 @@ impl NamedPredictor for Linear {
     }
 
     fn with_params(_: NoKeys, PredictorSetup { config, .. }: PredictorSetup<'_>) -> Result<Self, ParamError> {
-        Ok(Self(linear::Params {
-            past_steps: config.past_steps,
-            future_steps: config.horizon().steps,
-            step_s: config.step_ms * 1e-3,
-            ..config.preset.linear()
-        }))
+        Ok(Self(linear::Params { past_steps: config.past_steps, ..config.preset.linear() }))
     }
 }
 
@@ -109,13 +101,9 @@ impl<const NAME: usize> BuiltIn<NAME> {
 
 impl<const NAME: usize> Predictor for BuiltIn<NAME> {
     fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
-        PredictionList::from(&self.forecast(tracks, horizon, ground))
-    }
-
-    fn forecast(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
         match &self.0 {
-            Some(weights) => forecast_by(weights, tracks, horizon, ground),
-            None => forecast(Self::OF, tracks, horizon, ground),
+            Some(weights) => predict_by(weights, tracks, horizon, ground),
+            None => predict(Self::OF, tracks, horizon, ground),
         }
     }
 }
@@ -139,7 +127,7 @@ pub(crate) struct Truth;
 
 impl Predictor for Truth {
     fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
-        PredictionList::from(&forecast(PredictorName::Truth, tracks, horizon, ground))
+        predict(PredictorName::Truth, tracks, horizon, ground)
     }
 }
 

@@ -32,9 +32,10 @@ impl Predictor for Fading {
             let afters = (0..=horizon.steps as i64).map(|k| horizon.step * k);
             let pose = |after| PredictedPose { at: tracks.stamp + after, pose: pose_after(track, after) };
             let Track { id, kind, extent, .. } = *track;
-            Prediction { id, kind, extent, probability: 1.0, path: afters.map(pose).collect() }
+            Prediction::single(id, kind, extent, afters.map(pose).collect())
         };
-        PredictionList { stamp: tracks.stamp, predictions: tracks.tracks.iter().map(of).collect() }
+        let predictions = tracks.tracks.iter().map(of).collect();
+        PredictionList { stamp: tracks.stamp, predictions, joint: false }
     }
 }
 

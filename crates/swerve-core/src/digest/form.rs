@@ -9,6 +9,7 @@
 //! | sequence, map | element count in eight bytes, then the elements |
 //! | sequence or map of unknown length | the byte 1 before each element, the byte 0 after the last |
 //! | tuple, struct, unit, newtype | the fields, nothing added; a skipped field is the byte 0xff |
+//! | field with [`unless_default`](super::unless_default) | nothing if it has its default, else its value |
 //! | variant | index in four bytes, then the fields |
 //!
 //! Floats are hashed by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload. The form is the
@@ -235,10 +236,10 @@ impl<'a> ser::Serializer for &'a mut Form {
     #[inline]
     fn serialize_newtype_struct<T: Serialize + ?Sized>(
         self,
-        _: &'static str,
+        name: &'static str,
         value: &T,
     ) -> Result<(), Refused> {
-        value.serialize(self)
+        if name == super::DEFAULT { Ok(()) } else { value.serialize(self) }
     }
 
     fn serialize_newtype_variant<T: Serialize + ?Sized>(

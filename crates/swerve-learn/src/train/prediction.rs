@@ -12,7 +12,7 @@ use swerve_measure::evaluate::prediction::{Foretells, Format, file, judged};
 use swerve_msg::TrackList;
 use swerve_prediction::learned::{Learning, Shape, Weights, examples, train};
 use swerve_prediction::recorded::{Protocol, Recording, made};
-use swerve_prediction::{Ground, Horizon, PredictorName, forecast, forecast_by};
+use swerve_prediction::{Ground, Horizon, PredictorName, predict, predict_by};
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problem};
@@ -170,10 +170,10 @@ impl Trained for Recipe {
             let protocol =
                 Protocol { stride: set.stride, ..Protocol::whole(7 * each + 1, self.net.steps * each) };
             let straight = |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| {
-                forecast(PredictorName::ConstantVelocity, tracks, horizon, Ground::Open)
+                predict(PredictorName::ConstantVelocity, tracks, horizon, Ground::Open)
             };
             let learnt = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
-                forecast_by(weights, tracks, horizon, ground)
+                predict_by(weights, tracks, horizon, ground)
             };
             let both: [(&str, Foretells<'_>); 2] = [("constant_velocity", &straight), (&name, &learnt)];
             for (name, by) in both {

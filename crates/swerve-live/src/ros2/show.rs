@@ -283,7 +283,7 @@ impl Car {
             history: Vec::new(),
         };
         let tracks = TrackList { stamp, tracks: actors.iter().map(track).collect() };
-        let none = PredictionList { stamp, predictions: Vec::new() };
+        let none = PredictionList { stamp, ..PredictionList::default() };
         self.say(Role::Objects, move |topic| {
             Some(AnyMessage::PredictedObjects(objects_to_ros(&tracks, &none, EPOCH, &topic.frame)))
         });

@@ -13,10 +13,10 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_drive::problems_error;
-use swerve_msg::{ForecastList, TrackList};
+use swerve_msg::{PredictionList, TrackList};
 use swerve_prediction::learned::Weights;
 use swerve_prediction::recorded::{Protocol, Recording};
-use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, forecast_by};
+use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, predict_by};
 use swerve_report::files::read_whole;
 use swerve_report::output::align;
 use swerve_stack::Registry;
@@ -132,8 +132,8 @@ struct FileReport {
     figures: Figures,
 }
 
-/// Prediction function: tracks, horizon and ground to forecasts.
-pub type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> ForecastList;
+/// Prediction function: tracks, horizon and ground to predictions.
+pub type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> PredictionList;
 
 /// Evaluates the predictors and returns the text to print.
 ///
@@ -153,7 +153,7 @@ pub(super) fn text(args: &PredictionArgs, registry: &Registry) -> anyhow::Result
             let weights = weights(path)?;
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let by = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
-                forecast_by(&weights, tracks, horizon, ground)
+                predict_by(&weights, tracks, horizon, ground)
             };
             vec![report(name, &by, &files, (&protocol, best_of))]
         }
@@ -161,7 +161,7 @@ pub(super) fn text(args: &PredictionArgs, registry: &Registry) -> anyhow::Result
             let one = |(name, predictor): (&str, Box<dyn Predictor>)| {
                 let predictor = RefCell::new(predictor);
                 let by = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
-                    predictor.borrow_mut().forecast(tracks, horizon, ground)
+                    predictor.borrow_mut().predict(tracks, horizon, ground)
                 };
                 report(name.to_owned(), &by, &files, (&protocol, best_of))
             };

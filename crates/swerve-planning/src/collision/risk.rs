@@ -3,13 +3,21 @@
 use std::borrow::Cow;
 
 use swerve_core::Time;
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanStatus, Prediction};
 
 use super::{CollisionMode, Obstacles};
 use crate::request::{Budget, Planner, Request};
 
+/// Largest number of standard deviations that are kept clear of: beyond it, the probability is 4e-6.
+const SIGMAS_MAX: f64 = 5.0;
+
 /// Plans among the modes that are [`within_risk`], with any planner.
+///
+/// If modes have covariances, the plan keeps clear of the region in which each road user is with a probability of 1 less
+/// its equal share of the risk that the removed modes leave: of `sqrt(-2 ln share)` standard deviations, as for a normal
+/// distribution in the plane. A road user's deviations at different instants are taken as fully correlated. If the
+/// regions leave only full brake, the plan is made as without covariances.
 ///
 /// If that leaves only full brake (as with many samples that are each likelier than the bound), a second plan keeps
 /// clear of each actor's likeliest mode, and the plan with less expected harm is used: the sum over all modes of
@@ -26,9 +34,16 @@ pub fn plan_within_risk(
     } else {
         Cow::Owned(within_risk(request.predictions, risk_max))
     };
-    let plan = planner.plan(&Request { predictions: &kept, ..*request }, budget);
+    let spread = spread(&kept, risk_max - (total(request.predictions) - total(&kept)));
+    let predictions = spread.as_deref().unwrap_or(&kept);
+    let plan = planner.plan(&Request { predictions, ..*request }, budget);
     if plan.status != PlanStatus::Brake {
         return plan;
+    }
+    if spread.is_some() {
+        let predictions = &scaled(request.predictions, None);
+        let other = plan_within_risk(planner, &Request { predictions, ..*request }, risk_max, budget);
+        return Plan { work: plan.work + other.work, ..other };
     }
     let likeliest = likeliest(request.predictions);
     if likeliest.len() >= kept.len() {
@@ -41,13 +56,32 @@ pub fn plan_within_risk(
     Plan { work, ..less }
 }
 
-/// Likeliest mode of each actor, the first of equals. Modes of one actor are adjacent.
-fn likeliest(predictions: &[Prediction]) -> Vec<Prediction> {
-    let of_one = |modes: &[Prediction]| {
-        let likelier = |best: &Prediction, mode: &Prediction| mode.probability > best.probability;
-        modes.iter().reduce(|best, mode| if likelier(best, mode) { mode } else { best }).cloned()
+/// Sum of the probabilities.
+fn total(predictions: &[Prediction]) -> f64 {
+    predictions.iter().map(|mode| mode.probability).sum()
+}
+
+/// Modes with covariances scaled to the regions that together leave a probability of `risk`; `None` without
+/// covariances.
+fn spread(predictions: &[Prediction], risk: f64) -> Option<Vec<Prediction>> {
+    let is_spread = |modes: &&[Prediction]| modes.iter().any(|mode| !mode.covariances_m2.is_empty());
+    let users = Prediction::by_actor(predictions).filter(is_spread).count();
+    let squared = -2.0 * math::ln(risk.max(0.0) / users as f64);
+    (users > 0).then(|| scaled(predictions, Some(squared.clamp(0.0, SIGMAS_MAX * SIGMAS_MAX))))
+}
+
+/// Modes with covariances times a factor, or without them.
+fn scaled(predictions: &[Prediction], factor: Option<f64>) -> Vec<Prediction> {
+    let of_one = |mode: &Prediction| {
+        let by = |factor: f64| mode.covariances_m2.iter().map(|one| one.map(|m2| m2 * factor)).collect();
+        Prediction { covariances_m2: factor.map(by).unwrap_or_default(), ..mode.clone() }
     };
-    predictions.chunk_by(|a, b| a.id == b.id).filter_map(of_one).collect()
+    predictions.iter().map(of_one).collect()
+}
+
+/// Likeliest mode of each actor.
+fn likeliest(predictions: &[Prediction]) -> Vec<Prediction> {
+    Prediction::by_actor(predictions).filter_map(Prediction::likeliest).cloned().collect()
 }
 
 /// Sum over all modes of their probability times the ego's speed at first contact on a plan, m/s.
@@ -102,7 +136,8 @@ mod tests {
     use crate::fot::{Fot, Params};
     use crate::testing::World;
     use crate::{Planner, Unlimited};
-    use swerve_msg::ActorKind;
+    use swerve_core::Span;
+    use swerve_msg::{ActorKind, Route};
 
     fn shares(predictions: &[Prediction], risk_max: f64) -> Vec<f64> {
         within_risk(predictions, risk_max).iter().map(|one| one.probability).collect()
@@ -164,6 +199,48 @@ mod tests {
         assert!(
             world.predictions[0].path.len() > 1 && likeliest(&world.predictions) == world.predictions[..1]
         );
+    }
+
+    /// Speed after a second, m/s, and smallest distance to the predicted car, metres, of a plan behind a slower car with
+    /// this standard deviation of its positions, on a road too narrow to pass it.
+    fn behind(sigma_m: f64, risk_max: f64) -> [f64; 2] {
+        let mut world = World::straight(12.0).with(ActorKind::Car, (4.5, 1.8), (25.0, 0.0), (6.0, 0.0));
+        world.route = Route::uniform(world.route.line().clone(), 1.5, 1.5);
+        let car = &mut world.predictions[0];
+        car.covariances_m2 = vec![[sigma_m * sigma_m, 0.0, sigma_m * sigma_m]; car.path.len()];
+        let mut fot = Fot::new(Params { collision: CollisionMode::Risk, ..Params::default() }).unwrap();
+        let plan = plan_within_risk(&mut fot, &world.request(), risk_max, &mut Unlimited::default());
+        let speed_mps = plan.at(plan.points[0].at + Span::from_secs(1.0)).unwrap().speed_mps;
+        world.predictions[0].covariances_m2.clear();
+        [speed_mps, world.clearance_m(&plan, CollisionMode::TimeIndexed)]
+    }
+
+    #[test]
+    fn wider_covariance_brakes_earlier_and_keeps_more_distance() {
+        let plans = [0.0, 0.5, 1.0, 2.0].map(|sigma_m| behind(sigma_m, 0.05));
+        for pair in plans.windows(2) {
+            assert!(pair[1][0] < pair[0][0] && pair[1][1] > pair[0][1] + 0.5, "{plans:?}");
+        }
+        // A smaller bound keeps clear of more standard deviations.
+        assert!(behind(0.5, 0.001)[1] > plans[1][1] + 0.3, "{plans:?}");
+        // Regions that leave only full brake are not kept clear of.
+        assert_eq!(behind(50.0, 0.05), plans[0]);
+    }
+
+    #[test]
+    fn risk_is_divided_among_the_road_users_with_covariances() {
+        let mut world =
+            World::straight(10.0).with_person((20.0, 3.0), (0.0, 0.0)).with_person((30.0, 3.0), (0.0, 0.0));
+        assert_eq!(spread(&world.predictions, 0.05), None);
+        world.predictions[0].covariances_m2 = vec![[0.25, 0.0, 0.25]];
+        let factor = |world: &World, risk: f64| {
+            spread(&world.predictions, risk).unwrap()[0].covariances_m2[0][0] / 0.25
+        };
+        // Outside of this many standard deviations with a probability of exp(-r² / 2).
+        assert!((factor(&world, 0.05) - 5.991).abs() < 1e-3);
+        world.predictions[1].covariances_m2 = vec![[0.25, 0.0, 0.25]];
+        assert!((factor(&world, 0.1) - 5.991).abs() < 1e-3);
+        assert_eq!((factor(&world, 0.0), factor(&world, f64::NAN)), (25.0, 25.0));
     }
 
     #[test]

@@ -16,13 +16,8 @@ fn walker() -> Prediction {
             pose: Pose2::new(20.0, 4.0 - 0.5 * k as f64, -1.57),
         })
         .collect();
-    Prediction {
-        id: ActorId(1),
-        kind: ActorKind::Pedestrian,
-        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
-        probability: 1.0,
-        path,
-    }
+    let extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
+    Prediction::single(ActorId(1), ActorKind::Pedestrian, extent, path)
 }
 
 /// The same pedestrian, who turns back half way.

@@ -4,6 +4,8 @@ use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, math};
 use swerve_msg::Prediction;
 
+use super::sizes_m;
+
 /// A pedestrian predicted to move at most this far counts as standing, metres.
 const STANDS_M: f64 = 0.02;
 
@@ -58,10 +60,10 @@ impl Iterator for Walked<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let place = self.prediction.path.get(self.next)?;
+        let [length_m, width_m] = sizes_m(self.prediction, self.next);
         self.next += 1;
         let at: Point2<Walk> = self.frame.to_local(place.pose.point());
         let (sin, cos) = math::sin_cos(place.pose.heading_rad - self.frame.heading_rad);
-        let (length_m, width_m) = (self.prediction.extent.length_m, self.prediction.extent.width_m);
         let ahead_m = 0.5 * (length_m * cos.abs() + width_m * sin.abs());
         let left_m = 0.5 * (length_m * sin.abs() + width_m * cos.abs());
         let r = &mut self.reach_m;

@@ -198,7 +198,7 @@ fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Ti
             pose: Pose2::new(point.x_m, point.y_m, from.heading_rad),
         }
     });
-    Prediction { id: ActorId(id), kind, extent: extent(kind), probability: 1.0, path: path.collect() }
+    Prediction::single(ActorId(id), kind, extent(kind), path.collect())
 }
 
 const MANNERS: [Manner; 3] =

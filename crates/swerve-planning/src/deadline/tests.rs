@@ -25,7 +25,7 @@ fn thing(kind: ActorKind, (s_m, d_m): (f64, f64), (along_mps, left_mps): (f64, f
         PredictedPose { at: Time::from_ms(100 * k), pose }
     };
     let id = ActorId(7);
-    Prediction { id, kind, extent, probability: 1.0, path: (0..=50).map(place).collect() }
+    Prediction::single(id, kind, extent, (0..=50).map(place).collect())
 }
 
 fn hazard_at(speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {

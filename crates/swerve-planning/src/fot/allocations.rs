@@ -17,13 +17,8 @@ fn a_plan_allocates_its_points_only() {
             pose: Pose2::new(55.0, 2.0 - 0.1 * k as f64, 0.0),
         })
         .collect();
-    let person = Prediction {
-        id: ActorId(1),
-        kind: ActorKind::Pedestrian,
-        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
-        probability: 1.0,
-        path,
-    };
+    let extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
+    let person = Prediction::single(ActorId(1), ActorKind::Pedestrian, extent, path);
     let request = Request {
         stamp: Time::ZERO,
         start: EgoState { pose: Pose2::new(30.0, 0.0, 0.0), speed_mps: 14.0, ..EgoState::default() },

@@ -132,17 +132,13 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
         }
         let moving = walked_m(now) > 0.0 && walked_m(now) < 4.5;
         let velocity = if moving { -2.75 } else { 0.0 };
-        let predict = |pose: Pose2, velocity: f64, length_m: f64, width_m: f64, id: u32| Prediction {
-            id: ActorId(id),
-            kind: ActorKind::Pedestrian,
-            extent: Extent { length_m, width_m, height_m: 1.8 },
-            probability: 1.0,
-            path: (0..=50)
-                .map(|k| PredictedPose {
-                    at: now + Span::from_ms(100 * k),
-                    pose: Pose2::new(pose.x_m, pose.y_m + velocity * 0.1 * k as f64, 0.0),
-                })
-                .collect(),
+        let predict = |pose: Pose2, velocity: f64, length_m: f64, width_m: f64, id: u32| {
+            let extent = Extent { length_m, width_m, height_m: 1.8 };
+            let path = (0..=50).map(|k| PredictedPose {
+                at: now + Span::from_ms(100 * k),
+                pose: Pose2::new(pose.x_m, pose.y_m + velocity * 0.1 * k as f64, 0.0),
+            });
+            Prediction::single(ActorId(id), ActorKind::Pedestrian, extent, path.collect())
         };
         let mut predictions = vec![predict(boxes[0].0, 0.0, 5.2, 2.6, 1)];
         if gap_m < 20.0 {

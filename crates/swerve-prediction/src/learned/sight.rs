@@ -2,7 +2,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Vector2};
-use swerve_msg::{ActorKind, Forecast, Sighting};
+use swerve_msg::{ActorKind, Prediction, Sighting};
 
 use super::{Beside, Shape};
 use crate::past::Past;
@@ -174,8 +174,9 @@ fn places(past: &Past, stamp: Time, step: Span) -> [Point2; PAST] {
 
 /// Positions of the filters' likeliest mode after each step.
 fn filtered(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Vec<Point2>> {
-    let likeliest = |one: &Forecast| -> Vec<Point2> {
-        one.likeliest().map_or(&[][..], |mode| &mode.path[1..]).iter().map(|at| at.pose.point()).collect()
+    let likeliest = |modes: &Vec<Prediction>| -> Vec<Point2> {
+        let path = Prediction::likeliest(modes).map_or(&[][..], |mode| &mode.path[1..]);
+        path.iter().map(|at| at.pose.point()).collect()
     };
     imm(seen, stamp, horizon).iter().map(likeliest).collect()
 }

@@ -2,14 +2,14 @@
 
 use swerve_core::{Hasher, Span};
 use swerve_geom::Point2;
-use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_msg::{ActorId, ActorKind, Extent, Prediction};
 
 use super::train::{Example, loss};
 use super::*;
 use crate::net::drawn;
 use crate::net::gradients::check;
 use crate::recorded::{Protocol, RecordedTrack, Recording};
-use crate::{Ground, Horizon, forecast_by};
+use crate::{Ground, Horizon, predict_by};
 
 const MODELS: [Model; 3] = [Model::Multipath, Model::Mfp, Model::R2p2];
 
@@ -90,27 +90,27 @@ fn trained_nets_beat_straight_extrapolation_on_turns() {
     let recording = turning(8);
     let protocol = Protocol::whole(8, 5);
     let horizon = Horizon { steps: 5, step: Span::from_ms(400) };
-    let off_m = |list: &dyn Fn(&swerve_msg::TrackList) -> swerve_msg::ForecastList| {
+    let off_m = |list: &dyn Fn(&swerve_msg::TrackList) -> swerve_msg::PredictionList| {
         let (mut sum, mut count) = (0.0, 0.0);
         for scene in recording.scenes(&protocol) {
             let list = list(&scene.tracks);
             for window in &scene.windows {
-                let one = list.forecasts.iter().find(|one| one.id == window.id).unwrap();
-                sum += one.likeliest().unwrap().path[5].pose.point().distance(window.truth[4]);
+                let likeliest = Prediction::likeliest(list.modes_of(window.id)).unwrap();
+                sum += likeliest.path[5].pose.point().distance(window.truth[4]);
                 count += 1.0;
             }
         }
         sum / count
     };
     let straight = off_m(&|tracks| {
-        crate::forecast(crate::PredictorName::ConstantVelocity, tracks, &horizon, crate::Ground::Open)
+        crate::predict(crate::PredictorName::ConstantVelocity, tracks, &horizon, crate::Ground::Open)
     });
     for model in MODELS {
         let shape = Shape { hidden: 16, ..shape(model) };
         let examples = examples(&[turning(6)], &shape, 1);
         let learning = Learning { steps: 300, ..learning() };
         let weights = train(String::new(), shape, (&examples, &learning), &mut |_, _| {}).unwrap();
-        let off = off_m(&|tracks| forecast_by(&weights, tracks, &horizon, Ground::Open));
+        let off = off_m(&|tracks| predict_by(&weights, tracks, &horizon, Ground::Open));
         assert!(off < 0.5 * straight, "{model:?}: {off} m, straight on {straight} m");
     }
 }
@@ -162,12 +162,13 @@ fn net_relative_to_filters_is_stored_and_shrinks_to_them() {
     let horizon = Horizon { steps: 5, step: Span::from_ms(400) };
     let scene = turning(3).scenes(&Protocol::whole(8, 5)).remove(0);
     let (found, filters) = (
-        forecast_by(&weights, &scene.tracks, &horizon, Ground::Open),
-        crate::forecast(crate::PredictorName::Imm, &scene.tracks, &horizon, crate::Ground::Open),
+        predict_by(&weights, &scene.tracks, &horizon, Ground::Open),
+        crate::predict(crate::PredictorName::Imm, &scene.tracks, &horizon, crate::Ground::Open),
     );
-    for (a, b) in found.forecasts.iter().zip(&filters.forecasts) {
-        let path = b.likeliest().unwrap().path.iter();
-        let off_m = a.modes[0].path[1..].iter().zip(path.skip(1));
+    let filters = Prediction::by_actor(&filters.predictions);
+    for (a, modes) in Prediction::by_actor(&found.predictions).zip(filters) {
+        let path = Prediction::likeliest(modes).unwrap().path.iter();
+        let off_m = a[0].path[1..].iter().zip(path.skip(1));
         let most = off_m.map(|(a, b)| a.pose.point().distance(b.pose.point())).fold(0.0, f64::max);
         assert!(most < 1e-5, "{most}");
     }

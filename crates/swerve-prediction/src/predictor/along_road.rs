@@ -7,12 +7,12 @@
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
-use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, Track, TrackList};
+use swerve_msg::{ActorKind, PredictedPose, Prediction, Route, Sighting, Track, TrackList};
 
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Tracked, seen};
+use super::{Modes, Tracked, seen};
 use crate::linear::{self, Braking};
-use crate::road::{Settling, is_on, place_of, share_along};
+use crate::road::{Settling, is_on, place_of, share_along, turned};
 
 /// Smallest range along the road's line in which the previous sighting is searched for, metres.
 const NEAR_M: f64 = 5.0;
@@ -20,17 +20,17 @@ const NEAR_M: f64 = 5.0;
 /// along it.
 const SHARE_MIN: f64 = 0.1;
 
-/// Forecasts of `predict`, made on the straightened road for road users that drive along `route`. With `keeps_speed`,
-/// for constant-speed predictors, braking vehicles brake to a stop.
-pub(super) fn forecasts(
+/// Modes of each road user by `predict`, made on the straightened road for road users that drive along `route`. With `keeps_speed`,
+/// for constant-speed predictors, braking vehicles brake to a stop. The second result is true if all modes are kept.
+pub(super) fn predictions(
     tracks: &TrackList,
     route: &Route,
     keeps_speed: bool,
-    predict: impl Fn(&TrackList) -> ForecastList,
-) -> ForecastList {
+    predict: impl Fn(&TrackList) -> Vec<Modes>,
+) -> (Vec<Modes>, bool) {
     let drives: Vec<bool> = seen(tracks).iter().map(|seen| drives_along(seen, tracks.stamp, route)).collect();
     if !drives.contains(&true) {
-        return predict(tracks);
+        return (predict(tracks), true);
     }
     let straightened = TrackList {
         stamp: tracks.stamp,
@@ -43,24 +43,24 @@ pub(super) fn forecasts(
     };
     let mut along = predict(&straightened);
     // Positions far inside a bend can become implausible.
-    if along.forecasts.len() != drives.len() {
-        return predict(tracks);
+    if along.len() != drives.len() {
+        return (predict(tracks), true);
     }
-    let all = along.forecasts.iter_mut().zip(&straightened.tracks).zip(&drives);
-    for ((forecast, track), _) in all.filter(|(_, drives)| **drives) {
+    let mut are_kept = true;
+    let all = along.iter_mut().zip(&straightened.tracks).zip(&drives);
+    for ((modes, track), _) in all.filter(|(_, drives)| **drives) {
         let braking = Braking::of(track, tracks.stamp, linear::Params::default().brake_window_s);
         if let Some(braking) = braking.filter(|_| keeps_speed) {
-            forecast.modes.iter_mut().for_each(|mode| brake(mode, &braking));
+            modes.iter_mut().for_each(|mode| brake(mode, &braking));
         }
-        along.joint &= !leave_out_off_road(&mut forecast.modes, route);
-        let who = (forecast.kind, forecast.extent.width_m);
-        forecast.modes.iter_mut().for_each(|mode| bend(mode, who, route));
+        are_kept &= !leave_out_off_road(modes, route);
+        modes.iter_mut().for_each(|mode| bend(mode, route));
     }
     if drives.contains(&false) {
-        let others = predict(tracks).forecasts.into_iter().zip(&mut along.forecasts).zip(&drives);
-        others.filter(|(_, drives)| !**drives).for_each(|((other, forecast), _)| *forecast = other);
+        let others = predict(tracks).into_iter().zip(&mut along).zip(&drives);
+        others.filter(|(_, drives)| !**drives).for_each(|((other, modes), _)| *modes = other);
     }
-    along
+    (along, are_kept)
 }
 
 /// Returns true for a vehicle that moves along the road, in either direction.
@@ -101,8 +101,8 @@ fn straightened(track: &Track, route: &Route) -> Track {
 
 /// Removes modes that leave the road's ground, unless all do; the others share their probability. Returns true if any
 /// were removed.
-fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
-    let is_on = |one: &ForecastPose| {
+fn leave_out_off_road(modes: &mut Modes, route: &Route) -> bool {
+    let is_on = |one: &PredictedPose| {
         let Pose2 { x_m: s_m, y_m: d_m, .. } = one.pose;
         is_on(route, FrenetPoint { s_m, d_m })
     };
@@ -119,7 +119,7 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
 }
 
 /// Limits a mode on the straightened road to the distance of continued braking.
-fn brake(mode: &mut Mode, braking: &Braking) {
+fn brake(mode: &mut Prediction, braking: &Braking) {
     let [first, .., last] = &mode.path[..] else { return };
     let (from, backwards) = (first.at, last.pose.x_m < first.pose.x_m);
     for one in &mut mode.path {
@@ -129,14 +129,14 @@ fn brake(mode: &mut Mode, braking: &Braking) {
 }
 
 /// Transforms a mode from the straightened road to the map. The lateral speed decays as in [`crate::road`].
-fn bend(mode: &mut Mode, who: (ActorKind, f64), route: &Route) {
+fn bend(mode: &mut Prediction, route: &Route) {
     let [first, second, ..] = mode.path[..] else { return };
     let first_s = (second.at - first.at).as_secs();
     let moves = |from: f64, to: f64| (to - from) / first_s;
     let first_mps = [moves(first.pose.x_m, second.pose.x_m), moves(first.pose.y_m, second.pose.y_m)];
     let place = FrenetPoint { s_m: first.pose.x_m, d_m: first.pose.y_m };
-    let settling = Settling::of(route, place, who, first_mps);
-    for one in &mut mode.path {
+    let settling = Settling::of(route, place, (mode.kind, mode.extent.width_m), first_mps);
+    for (one, covariance_m2) in mode.path.iter_mut().zip(&mut mode.covariances_m2) {
         let ahead_s = (one.at - first.at).as_secs();
         let s_m = one.pose.x_m;
         let d_m = first.pose.y_m + settling.moved_m(one.pose.y_m - first.pose.y_m, ahead_s);
@@ -144,18 +144,8 @@ fn bend(mode: &mut Mode, who: (ActorKind, f64), route: &Route) {
         let road_rad = route.line().at(s_m).pose.heading_rad;
         let turned_rad = if math::cos(first.pose.heading_rad) < 0.0 { core::f64::consts::PI } else { 0.0 };
         one.pose = Pose2::new(at.x_m, at.y_m, road_rad + turned_rad);
-        one.covariance_m2 = turned(one.covariance_m2, road_rad);
+        *covariance_m2 = turned(*covariance_m2, road_rad);
     }
-}
-
-/// Rotates a covariance xx, xy, yy by an angle.
-fn turned([xx, xy, yy]: [f64; 3], by_rad: f64) -> [f64; 3] {
-    let (sin, cos) = math::sin_cos(by_rad);
-    [
-        xx * cos * cos - 2.0 * xy * sin * cos + yy * sin * sin,
-        (xx - yy) * sin * cos + xy * (cos * cos - sin * sin),
-        xx * sin * sin + 2.0 * xy * sin * cos + yy * cos * cos,
-    ]
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! Property test: forecasts are valid for arbitrary tracks.
+//! Property test: predictions are valid for arbitrary tracks.
 
 use proptest::prelude::*;
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2, Vector2, math};
-use swerve_msg::{ActorId, ActorKind, Extent, Route, Sighting, Track, TrackList};
+use swerve_msg::{ActorId, ActorKind, Extent, Prediction, Route, Sighting, Track, TrackList};
 
-use super::{Ground, Horizon, PredictorName, forecast};
+use super::{Ground, Horizon, PredictorName, predict};
 
 /// A sighting relative to the one before: delay (possibly negative) and displacement, with rare jumps.
 fn sighting() -> impl Strategy<Value = (i64, f64, f64)> {
@@ -60,7 +60,7 @@ proptest! {
     /// Gaps, jumps, decreasing stamps, NaNs, repeated identities: every plausible actor has modes whose probabilities
     /// sum to 1, at the requested instants, with finite positions and valid covariances.
     #[test]
-    fn forecasts_are_valid_for_arbitrary_tracks(tracks in prop::collection::vec(track(), 0..8)) {
+    fn predictions_are_valid_for_arbitrary_tracks(tracks in prop::collection::vec(track(), 0..8)) {
         let list = TrackList { stamp: Time::ZERO, tracks };
         let horizon = Horizon { steps: 12, step: Span::from_ms(250) };
         let plausible: Vec<ActorId> =
@@ -68,21 +68,23 @@ proptest! {
         let road = bend();
         let named = PredictorName::ALL.into_iter().chain([PredictorName::Truth]);
         for (name, ground) in named.flat_map(|name| [Ground::Open, Ground::Road(&road)].map(|ground| (name, ground))) {
-            let found = forecast(name, &list, &horizon, ground);
-            let ids: Vec<ActorId> = found.forecasts.iter().map(|one| one.id).collect();
-            prop_assert_eq!(&ids, &plausible, "{:?}", name);
-            for mode in found.forecasts.iter().flat_map(|one| &one.modes) {
-                prop_assert_eq!(mode.path.len(), 13);
-                for (k, at) in mode.path.iter().enumerate() {
-                    let [xx, xy, yy] = at.covariance_m2;
+            let found = predict(name, &list, &horizon, ground);
+            // Adjacent tracks of one identity have their modes together.
+            let expected = plausible.chunk_by(|a, b| a == b);
+            let modes: Vec<&[Prediction]> = Prediction::by_actor(&found.predictions).collect();
+            prop_assert_eq!(modes.len(), expected.clone().count(), "{:?}", name);
+            for (modes, ids) in modes.iter().zip(expected) {
+                let sum: f64 = modes.iter().map(|mode| mode.probability).sum();
+                prop_assert_eq!(modes[0].id, ids[0], "{:?}", name);
+                prop_assert!((sum - ids.len() as f64).abs() < 1e-9, "{name:?}: {sum}");
+            }
+            for mode in &found.predictions {
+                prop_assert_eq!((mode.path.len(), mode.covariances_m2.len()), (13, 13));
+                for (k, (at, &[xx, xy, yy])) in mode.path.iter().zip(&mode.covariances_m2).enumerate() {
                     prop_assert_eq!(at.at, Time::ZERO + horizon.step * k as i64);
                     prop_assert!(at.pose.is_finite(), "{name:?}: {at:?}");
                     prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{name:?}: {at:?}");
                 }
-            }
-            for one in &found.forecasts {
-                let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
-                prop_assert!((sum - 1.0).abs() < 1e-9, "{name:?}: {sum}");
             }
         }
     }

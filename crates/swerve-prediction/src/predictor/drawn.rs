@@ -1,10 +1,10 @@
-//! Conversion of positions and covariances to the modes of a forecast.
+//! Conversion of positions and covariances to the modes of a prediction.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Pose2, Vector2};
-use swerve_msg::{ActorKind, Forecast, ForecastPose, Mode};
+use swerve_msg::{ActorKind, PredictedPose, Prediction, Track};
 
-use super::{Horizon, Tracked};
+use super::{Horizon, Modes, Tracked};
 use crate::linear::HEADING_SPEED_MPS;
 
 /// A position, and its covariance xx, xy, yy in m².
@@ -12,7 +12,7 @@ pub(super) type Spot = (Point2, [f64; 3]);
 
 /// Error model of a prediction: white noise of acceleration.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Wander {
+pub(crate) struct Wander {
     /// Standard deviation of a sighting along each axis, metres.
     pub(super) sighting_m: f64,
     /// Standard deviation of the initial velocity, m/s.
@@ -22,7 +22,7 @@ pub(super) struct Wander {
 }
 
 /// Error model of a kind of actor: pedestrians fitted to ETH and UCY, all others to NGSIM.
-pub(super) fn wander(kind: ActorKind) -> Wander {
+pub(crate) fn wander(kind: ActorKind) -> Wander {
     match kind {
         ActorKind::Pedestrian | ActorKind::Static => {
             Wander { sighting_m: 0.03, speed_mps: 0.08, density: [0.03, 0.012] }
@@ -38,8 +38,8 @@ impl Wander {
         self.density.map(|density| at_start + density * t_s * t_s * t_s / 3.0)
     }
 
-    /// Covariance on the map for a motion in `direction` (a unit vector), m².
-    pub(super) fn covariance_m2(&self, direction: Vector2, t_s: f64) -> [f64; 3] {
+    /// Covariance on the map after `t_s` of a motion in `direction` (a unit vector): xx, xy, yy, m².
+    pub(crate) fn covariance_m2(&self, direction: Vector2, t_s: f64) -> [f64; 3] {
         let ([along, across], Vector2 { x, y, .. }) = (self.variances_m2(t_s), direction);
         [along * x * x + across * y * y, (along - across) * x * y, along * y * y + across * x * x]
     }
@@ -61,10 +61,10 @@ pub(super) fn mode(
     seen: &Tracked,
     stamp: Time,
     (horizon, spots): (&Horizon, &[Spot]),
-) -> Mode {
+) -> Prediction {
     let mut heading_rad = seen.track.pose.heading_rad;
     let least_m = HEADING_SPEED_MPS * horizon.step.as_secs();
-    let path = horizon.instants(stamp).zip(spots).enumerate().map(|(k, (at, (point, covariance_m2)))| {
+    let path = horizon.instants(stamp).zip(spots).enumerate().map(|(k, (at, (point, _)))| {
         let on = match spots.get(k + 1) {
             Some((next, _)) => *next - *point,
             None => *point - spots[k.saturating_sub(1)].0,
@@ -72,22 +72,17 @@ pub(super) fn mode(
         if on.norm() > least_m {
             heading_rad = on.heading();
         }
-        let pose = Pose2::new(point.x_m, point.y_m, heading_rad);
-        ForecastPose { at, pose, covariance_m2: *covariance_m2 }
+        PredictedPose { at, pose: Pose2::new(point.x_m, point.y_m, heading_rad) }
     });
-    Mode { probability, path: path.collect() }
+    let Track { id, kind, extent, .. } = *seen.track;
+    let covariances_m2 = spots.iter().map(|(_, covariance_m2)| *covariance_m2).collect();
+    Prediction { id, kind, extent, probability, path: path.collect(), covariances_m2 }
 }
 
-/// Forecast of these modes.
-pub(super) fn forecast(seen: &Tracked, modes: Vec<Mode>) -> Forecast {
-    let track = seen.track;
-    Forecast { id: track.id, kind: track.kind, extent: track.extent, modes }
-}
-
-/// Forecast with a single mode through these points, with the covariances of the actor's kind.
-pub(super) fn single(seen: &Tracked, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Forecast {
+/// A single mode through these points, with the covariances of the actor's kind.
+pub(super) fn single(seen: &Tracked, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Modes {
     let spots = spread(seen, stamp, horizon, points);
-    forecast(seen, vec![mode(1.0, seen, stamp, (horizon, &spots))])
+    vec![mode(1.0, seen, stamp, (horizon, &spots))]
 }
 
 /// Adds the covariances of the actor's kind to points.

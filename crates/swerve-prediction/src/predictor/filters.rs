@@ -1,11 +1,11 @@
-//! Forecasts by Kalman filters: one mode per motion model.
+//! Predictions by Kalman filters: one mode per motion model.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
-use swerve_msg::{ActorKind, Forecast, Mode};
+use swerve_msg::{ActorKind, Prediction};
 
-use super::drawn::{Spot, direction, forecast, mode, wander};
-use super::{Horizon, Tracked};
+use super::drawn::{Spot, direction, mode, wander};
+use super::{Horizon, Modes, Tracked};
 use crate::filter::{Belief, Model, Motion, believe};
 use crate::past::Past;
 
@@ -40,16 +40,12 @@ fn of_kind(model: &Model, kind: ActorKind) -> Model {
     }
 }
 
-/// Forecasts with one mode per model.
-pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon, models: &[Model]) -> Vec<Forecast> {
+/// Predictions with one mode per model.
+pub(super) fn predictions(seen: &[Tracked], stamp: Time, horizon: &Horizon, models: &[Model]) -> Vec<Modes> {
     let of_one = |seen: &Tracked| {
         let models: Vec<Model> = models.iter().map(|model| of_kind(model, seen.past.kind)).collect();
         let beliefs = beliefs(&seen.past, &models);
-        let modes = models
-            .iter()
-            .zip(&beliefs)
-            .map(|(model, belief)| foretold(seen, stamp, horizon, (model, belief)));
-        forecast(seen, modes.collect())
+        models.iter().zip(&beliefs).map(|pair| foretold(seen, stamp, horizon, pair)).collect()
     };
     seen.iter().map(of_one).collect()
 }
@@ -61,7 +57,12 @@ pub(super) fn beliefs(past: &Past, models: &[Model]) -> Vec<Belief> {
 }
 
 /// Mode of one model: its mean over the horizon, with the covariance of recorded actors.
-fn foretold(seen: &Tracked, stamp: Time, horizon: &Horizon, (model, belief): (&Model, &Belief)) -> Mode {
+fn foretold(
+    seen: &Tracked,
+    stamp: Time,
+    horizon: &Horizon,
+    (model, belief): (&Model, &Belief),
+) -> Prediction {
     let wander = wander(seen.past.kind);
     let unseen_s = (stamp - seen.past.last().at).as_secs();
     let along = direction(belief.derivative(1), seen.track.pose.heading_rad);

@@ -11,11 +11,11 @@ mod place;
 
 use swerve_core::Time;
 use swerve_geom::Point2;
-use swerve_msg::{ActorKind, Forecast, Mode};
+use swerve_msg::ActorKind;
 
-use super::drawn::{forecast, mode, spread};
-use super::filters::{IMM, forecasts as filtered};
-use super::{Ground, Horizon, Tracked};
+use super::drawn::{mode, spread};
+use super::filters::{IMM, predictions as filtered};
+use super::{Ground, Horizon, Modes, Tracked};
 use driver::{Driver, Rolled};
 use place::{Position, settled};
 
@@ -24,12 +24,12 @@ const YIELDS: f64 = 0.1;
 const YIELD_MPS2: f64 = 2.0;
 
 /// Two modes for each path of a vehicle: continuing and braking. Pedestrians: the modes of the filters.
-pub(super) fn forecasts(
+pub(super) fn predictions(
     seen: &[Tracked],
     stamp: Time,
     horizon: &Horizon,
     ground: Ground<'_>,
-) -> Vec<Forecast> {
+) -> Vec<Modes> {
     let places: Vec<Position> = seen.iter().map(|seen| Position::of(seen, stamp, ground)).collect();
     let red = place::held_up(&places, seen, ground);
     let driver =
@@ -51,13 +51,13 @@ pub(super) fn forecasts(
                 let points: Vec<Point2> =
                     on_m.iter().zip(&settled).map(|(on_m, s)| along.at(*on_m, *s)).collect();
                 let spots = spread(seen, stamp, horizon, &points);
-                let one: Mode = mode(probability, seen, stamp, (horizon, &spots));
+                let one = mode(probability, seen, stamp, (horizon, &spots));
                 modes.push(one);
             };
             add(share * (1.0 - YIELDS), &on_m);
             add(share * YIELDS, &braked(places[k].velocity_mps.norm(), horizon));
         }
-        forecast(seen, modes)
+        modes
     };
     seen.iter().enumerate().map(of_one).collect()
 }

@@ -1,13 +1,12 @@
-//! Forecasts by learned predictors.
+//! Predictions by learned predictors.
 
 use std::sync::LazyLock;
 
 use swerve_core::{Span, Time};
 use swerve_geom::Point2;
-use swerve_msg::Forecast;
 
-use super::drawn::{Spot, forecast, mode};
-use super::{Horizon, PredictorName, Tracked};
+use super::drawn::{Spot, mode};
+use super::{Horizon, Modes, PredictorName, Tracked};
 use crate::learned::{Frame, Way, Weights, sights};
 
 /// Standard deviation of the present position, in scaled units.
@@ -35,13 +34,8 @@ pub(super) fn shipped(name: PredictorName) -> Option<&'static Weights> {
     }
 }
 
-/// Forecasts with one mode per path of the net.
-pub(super) fn forecasts(
-    seen: &[Tracked],
-    stamp: Time,
-    horizon: &Horizon,
-    weights: &Weights,
-) -> Vec<Forecast> {
+/// Predictions with one mode per path of the net.
+pub(super) fn predictions(seen: &[Tracked], stamp: Time, horizon: &Horizon, weights: &Weights) -> Vec<Modes> {
     let step = Span::from_ms(i64::from(weights.shape.step_ms));
     let sights = sights(seen, stamp, &weights.shape);
     let all = weights.ways(&sights);
@@ -51,7 +45,7 @@ pub(super) fn forecasts(
             let spots = spots(way, &sight.frame, horizon, step);
             mode(f64::from(way.probability) / total, seen, stamp, (horizon, &spots))
         });
-        forecast(seen, modes.collect())
+        modes.collect()
     };
     seen.iter().zip(&sights).zip(all).map(of_one).collect()
 }

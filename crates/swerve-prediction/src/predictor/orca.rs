@@ -7,11 +7,11 @@
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
-use swerve_msg::{ActorKind, Forecast};
+use swerve_msg::ActorKind;
 
 use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Horizon, Tracked};
+use super::{Horizon, Modes, Tracked};
 
 /// Time for which collisions are avoided, seconds.
 const LOOK_AHEAD_S: f64 = 1.5;
@@ -45,8 +45,8 @@ struct Line {
     direction: Vector2,
 }
 
-/// Forecasts with one mode per actor.
-pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+/// Predictions with one mode per actor.
+pub(super) fn predictions(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Modes> {
     let mut agents: Vec<Agent> = seen.iter().map(|seen| Agent::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = agents.iter().map(|agent| vec![agent.point]).collect();
     let steps = (horizon.step.as_secs() / STEP_S).ceil().max(1.0);

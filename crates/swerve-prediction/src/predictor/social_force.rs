@@ -5,11 +5,11 @@
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
-use swerve_msg::{ActorKind, Forecast};
+use swerve_msg::ActorKind;
 
 use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Horizon, Tracked};
+use super::{Horizon, Modes, Tracked};
 
 /// Time constant with which the desired velocity is approached, seconds.
 const RELAXATION_S: f64 = 0.5;
@@ -40,8 +40,8 @@ struct Walker {
     extra_radius_m: f64,
 }
 
-/// Forecasts with one mode per actor.
-pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+/// Predictions with one mode per actor.
+pub(super) fn predictions(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Modes> {
     let mut walkers: Vec<Walker> = seen.iter().map(|seen| Walker::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = walkers.iter().map(|walker| vec![walker.point]).collect();
     let steps = (horizon.step.as_secs() / STEP_S).ceil().max(1.0);

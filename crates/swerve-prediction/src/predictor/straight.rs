@@ -1,35 +1,31 @@
-//! Forecasts by straight extrapolation.
+//! Predictions by straight extrapolation.
 
 use swerve_core::Time;
-use swerve_geom::Point2;
-use swerve_msg::{Forecast, TrackList};
+use swerve_msg::Track;
 
 use super::drawn::single;
-use super::{Horizon, Tracked};
+use super::{Horizon, Modes, Tracked};
 use crate::linear;
 
 /// Time over which the last velocity is averaged, seconds; with longer intervals, the last two sightings are used.
 pub(super) const VELOCITY_WINDOW_S: f64 = 0.5;
 
-/// Predictor of the paper, with covariances.
-pub(super) fn linear(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+/// Predictor of the paper.
+pub(super) fn linear(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Modes> {
     let params = linear::Params {
         future_steps: horizon.steps,
         step_s: horizon.step.as_secs(),
         ..linear::Params::default()
     };
     let of_one = |seen: &Tracked| {
-        let track = swerve_msg::Track { history: seen.past.sightings.clone(), ..seen.track.clone() };
-        let list = linear::predict(&TrackList { stamp, tracks: vec![track] }, &params);
-        let points: Vec<Point2> =
-            list.predictions.iter().flat_map(|one| &one.path).map(|at| at.pose.point()).collect();
-        single(seen, stamp, horizon, &points)
+        let track = Track { history: seen.past.sightings.clone(), ..seen.track.clone() };
+        vec![linear::predict_track(&track, stamp, &params)]
     };
     seen.iter().map(of_one).collect()
 }
 
 /// Constant velocity of the last half second.
-pub(super) fn constant_velocity(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+pub(super) fn constant_velocity(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Modes> {
     let of_one = |seen: &Tracked| {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let now = seen.past.now(stamp, velocity_mps);

@@ -1,5 +1,5 @@
 use swerve_geom::{Point2, Polyline, Pose2, Vector2, math};
-use swerve_msg::{ActorId, ActorKind, Extent, Forecast, PredictionList, Sighting};
+use swerve_msg::{ActorId, ActorKind, Extent, Sighting};
 
 use super::*;
 
@@ -28,32 +28,29 @@ fn list(tracks: Vec<Track>) -> TrackList {
     TrackList { stamp: Time::ZERO, tracks }
 }
 
-fn end(forecast: &Forecast) -> Point2 {
-    forecast.likeliest().unwrap().path.last().unwrap().pose.point()
+fn end(modes: &Modes) -> Point2 {
+    Prediction::likeliest(modes).unwrap().path.last().unwrap().pose.point()
 }
 
-/// Checks that probabilities sum to one, instants are the requested ones, covariances are positive definite and all
-/// numbers finite.
-fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Option<&Route>) -> ForecastList {
-    let list = forecast(name, tracks, horizon, Ground::road(road));
-    for one in &list.forecasts {
-        let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
+/// Modes of each road user. Checks that probabilities sum to one, instants are the requested ones, covariances are
+/// positive definite and all numbers finite.
+fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Option<&Route>) -> Vec<Modes> {
+    let list = predict(name, tracks, horizon, Ground::road(road));
+    let actors: Vec<Modes> = Prediction::by_actor(&list.predictions).map(<[_]>::to_vec).collect();
+    for modes in &actors {
+        let sum: f64 = modes.iter().map(|mode| mode.probability).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{name:?}: {sum}");
-        for mode in &one.modes {
+        for mode in modes {
             let instants: Vec<Time> = mode.path.iter().map(|at| at.at).collect();
             assert_eq!(instants, horizon.instants(tracks.stamp).collect::<Vec<_>>(), "{name:?}");
-            for at in &mode.path {
-                let [xx, xy, yy] = at.covariance_m2;
+            assert_eq!(mode.covariances_m2.len(), mode.path.len());
+            for (at, &[xx, xy, yy]) in mode.path.iter().zip(&mode.covariances_m2) {
                 assert!(at.pose.is_finite() && xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{name:?}: {at:?}");
             }
         }
     }
-    assert_eq!(
-        PredictionList::from(&list).predictions.len(),
-        list.forecasts.iter().map(|one| one.modes.len()).sum::<usize>()
-    );
-    assert_eq!(list, forecast(name, tracks, horizon, Ground::road(road)), "the same twice");
-    list
+    assert_eq!(list, predict(name, tracks, horizon, Ground::road(road)), "the same twice");
+    actors
 }
 
 #[test]
@@ -61,14 +58,13 @@ fn all_predictors_continue_a_straight_motion() {
     for (kind, speed_mps) in [(ActorKind::Pedestrian, 1.4), (ActorKind::Car, 12.0)] {
         let tracks = list(vec![seen(1, kind, |t| (speed_mps * 0.8 * t, 3.0 + speed_mps * 0.6 * t))]);
         for name in PredictorName::ALL {
-            let forecasts = check(name, &tracks, &TWO_SECONDS, None).forecasts;
+            let actors = check(name, &tracks, &TWO_SECONDS, None);
             let goal = Point2::new(speed_mps * 1.6, 3.0 + speed_mps * 1.2);
             let off_m = match shipped(name) {
-                None => end(&forecasts[0]).distance(goal),
+                None => end(&actors[0]).distance(goal),
                 // Nets have learned that vehicles brake and turn: one of their modes is straight.
                 Some(_) => {
-                    let ends =
-                        forecasts[0].modes.iter().map(|mode| mode.path[20].pose.point().distance(goal));
+                    let ends = actors[0].iter().map(|mode| mode.path[20].pose.point().distance(goal));
                     ends.fold(f64::INFINITY, f64::min)
                 }
             };
@@ -86,8 +82,8 @@ fn filters_follow_a_turn_better_than_constant_velocity() {
     };
     let tracks = list(vec![seen(1, ActorKind::Car, at)]);
     let off_m = |name| {
-        let forecasts = check(name, &tracks, &TWO_SECONDS, None).forecasts;
-        let path = &forecasts[0].likeliest().unwrap().path;
+        let actors = check(name, &tracks, &TWO_SECONDS, None);
+        let path = &Prediction::likeliest(&actors[0]).unwrap().path;
         path[10].pose.point().distance(Point2::new(at(1.0).0, at(1.0).1))
     };
     let straight_m = off_m(PredictorName::ConstantVelocity);
@@ -101,8 +97,8 @@ fn braking_pedestrian_gets_a_stopping_mode() {
         |t: f64| (if t < -1.0 { 1.4 * (t + 1.0) } else { 1.2 * (1.0 - math::exp(-(t + 1.0) / 0.8)) }, 0.0);
     let weights = |place: &dyn Fn(f64) -> (f64, f64)| {
         let tracks = list(vec![seen(1, ActorKind::Pedestrian, place)]);
-        let list = check(PredictorName::Imm, &tracks, &TWO_SECONDS, None);
-        list.forecasts[0].modes.iter().map(|mode| mode.probability).collect::<Vec<_>>()
+        let actors = check(PredictorName::Imm, &tracks, &TWO_SECONDS, None);
+        actors[0].iter().map(|mode| mode.probability).collect::<Vec<_>>()
     };
     let (goes, stops) = (weights(&|t| (1.4 * t, 0.0)), weights(&stopping));
     assert!(goes[0] + goes[1] > 0.9 && stops[2] > 5.0 * goes[2], "{goes:?} {stops:?}");
@@ -115,8 +111,8 @@ fn pedestrians_who_meet_avoid_each_other() {
         seen(2, ActorKind::Pedestrian, |t| (2.0 - 1.4 * t, -0.05)),
     ]);
     let apart_m = |name| {
-        let forecasts = check(name, &tracks, &TWO_SECONDS, None).forecasts;
-        let path = |k: usize| forecasts[k].modes[0].path.iter().map(|at| at.pose.point());
+        let actors = check(name, &tracks, &TWO_SECONDS, None);
+        let path = |k: usize| actors[k][0].path.iter().map(|at| at.pose.point());
         path(0).zip(path(1)).map(|(a, b)| a.distance(b)).fold(f64::INFINITY, f64::min)
     };
     assert!(apart_m(PredictorName::ConstantVelocity) < 0.2);
@@ -132,10 +128,10 @@ fn orca_keeps_a_crowd_in_a_circle_apart() {
         seen(k, ActorKind::Pedestrian, move |t| ((4.0 - 1.2 * t) * cos, (4.0 - 1.2 * t) * sin))
     });
     let horizon = Horizon { steps: 60, ..TWO_SECONDS };
-    let forecasts = check(PredictorName::Orca, &list(crowd.collect()), &horizon, None).forecasts;
+    let actors = check(PredictorName::Orca, &list(crowd.collect()), &horizon, None);
     let mut least_m = f64::INFINITY;
     for step in 0..=60 {
-        let points: Vec<Point2> = forecasts.iter().map(|one| one.modes[0].path[step].pose.point()).collect();
+        let points: Vec<Point2> = actors.iter().map(|modes| modes[0].path[step].pose.point()).collect();
         for (k, a) in points.iter().enumerate() {
             least_m = points[..k].iter().map(|b| a.distance(*b)).fold(least_m, f64::min);
         }
@@ -167,8 +163,8 @@ fn lane_idm_keeps_lane_and_distance() {
     let alone = list(vec![both.tracks[0].clone()]);
     let horizon = Horizon { steps: 50, ..TWO_SECONDS };
     let path = |tracks: &TrackList| {
-        let forecasts = check(PredictorName::LaneIdm, tracks, &horizon, Some(&road)).forecasts;
-        forecasts[0].modes[0].path.iter().map(|at| road.project(at.pose.point())).collect::<Vec<_>>()
+        let actors = check(PredictorName::LaneIdm, tracks, &horizon, Some(&road));
+        actors[0][0].path.iter().map(|at| road.project(at.pose.point())).collect::<Vec<_>>()
     };
     let (free, behind) = (path(&alone), path(&both));
     for place in free.iter().chain(&behind) {
@@ -178,8 +174,8 @@ fn lane_idm_keeps_lane_and_distance() {
     let ahead_m = 70.0 + 6.0 * 5.0 / 0.97;
     assert!(behind[50].s_m < ahead_m - 4.5, "behind another it does not drive into him: {:?}", behind[50]);
     // Without a road it drives straight ahead, and brakes too.
-    let forecasts = check(PredictorName::LaneIdm, &both, &horizon, None).forecasts;
-    assert_eq!(forecasts[0].modes.len(), 2);
+    let actors = check(PredictorName::LaneIdm, &both, &horizon, None);
+    assert_eq!(actors[0].len(), 2);
 }
 
 #[test]
@@ -197,15 +193,15 @@ fn implausible_tracks_are_dropped_and_damaged_ones_tolerated() {
     let once = Track { id: ActorId(6), history: vec![], ..good.clone() };
     let tracks = list(vec![good, nan, back, jumps, gaps, once]);
     for name in PredictorName::ALL {
-        let list = check(name, &tracks, &TWO_SECONDS, None);
-        assert_eq!(list.forecasts.iter().map(|one| one.id.0).collect::<Vec<_>>(), [1, 3, 4, 5, 6]);
+        let actors = check(name, &tracks, &TWO_SECONDS, None);
+        assert_eq!(actors.iter().map(|modes| modes[0].id.0).collect::<Vec<_>>(), [1, 3, 4, 5, 6]);
         // All tracks are at the same position, at which `lane_idm` and the nets are not expected to move straight.
         if !matches!(name, PredictorName::LaneIdm) && shipped(name).is_none() {
-            for one in &list.forecasts {
+            for one in &actors {
                 assert!(
                     end(one).distance(Point2::new(20.0, 0.0)) < 1.0,
                     "{name:?} {:?}: {:?}",
-                    one.id,
+                    one[0].id,
                     end(one)
                 );
             }
@@ -222,7 +218,7 @@ fn thousand_actors_are_predicted() {
     });
     let tracks = list(crowd.collect());
     for name in PredictorName::ALL {
-        let list = forecast(name, &tracks, &Horizon { steps: 3, step: Span::from_ms(200) }, Ground::Open);
-        assert_eq!(list.forecasts.len(), 1000, "{name:?}");
+        let list = predict(name, &tracks, &Horizon { steps: 3, step: Span::from_ms(200) }, Ground::Open);
+        assert_eq!(Prediction::by_actor(&list.predictions).count(), 1000, "{name:?}");
     }
 }

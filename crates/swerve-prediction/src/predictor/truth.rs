@@ -2,10 +2,10 @@
 
 use swerve_core::{Rng, Span, Time};
 use swerve_geom::{Point2, Vector2};
-use swerve_msg::{Forecast, ForecastList, Track, TrackList};
+use swerve_msg::{PredictionList, Track, TrackList};
 
-use super::drawn::{Spot, direction, forecast, mode, wander};
-use super::{Horizon, Tracked, seen, straight};
+use super::drawn::{Spot, direction, mode, wander};
+use super::{Horizon, Modes, Tracked, seen, straight};
 
 /// Standard deviation of a noise-free position, metres: covariances must be positive definite.
 const SIGMA_M: f64 = 0.03;
@@ -25,24 +25,25 @@ pub struct Telling {
 /// Source of ground truth: positions of a track's actor at instants from the list's stamp on, or `None` if unknown.
 pub type Told<'a> = &'a dyn Fn(&Track, &[Time]) -> Option<Vec<Point2>>;
 
-/// Forecasts every track from the ground truth; actors without one keep the velocity of the last half second.
-pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: Told<'_>) -> ForecastList {
+/// Predicts every track from the ground truth; actors without one keep the velocity of the last half second.
+pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: Told<'_>) -> PredictionList {
     let stamp = tracks.stamp;
     let instants: Vec<Time> = horizon.instants(stamp).collect();
     let within = |at: &Time| telling.horizon.is_none_or(|most| *at - stamp <= most);
     let known = instants.partition_point(within).max(1);
-    let of_one = |seen: &Tracked| -> Option<Forecast> {
+    let of_one = |seen: &Tracked| -> Option<Modes> {
         let places = told(seen.track, &instants[..known]);
         match places.filter(|places| places.len() == known && places.iter().all(|at| at.is_finite())) {
             Some(places) => Some(one(seen, (stamp, horizon), telling, &places)),
             None => straight::constant_velocity(core::slice::from_ref(seen), stamp, horizon).pop(),
         }
     };
-    ForecastList { stamp, forecasts: seen(tracks).iter().filter_map(of_one).collect(), joint: false }
+    let predictions = seen(tracks).iter().filter_map(of_one).flatten().collect();
+    PredictionList { stamp, predictions, joint: false }
 }
 
-/// Forecast through the provided positions, with their errors, and straight ahead after them.
-fn one(seen: &Tracked, (stamp, horizon): (Time, &Horizon), telling: &Telling, places: &[Point2]) -> Forecast {
+/// Prediction through the provided positions, with their errors, and straight ahead after them.
+fn one(seen: &Tracked, (stamp, horizon): (Time, &Horizon), telling: &Telling, places: &[Point2]) -> Modes {
     let mut rng = Rng::keyed(telling.seed, "truth", &[stamp.ns(), i64::from(seen.track.id.0)]);
     let off_mps: Vector2 = Vector2::new(rng.normal(), rng.normal()) * telling.noise_mps;
     let (step_s, last) = (horizon.step.as_secs(), places.len() - 1);
@@ -62,7 +63,7 @@ fn one(seen: &Tracked, (stamp, horizon): (Time, &Horizon), telling: &Telling, pl
         (place, [xx + variance, xy, yy + variance])
     };
     let spots: Vec<Spot> = (0..=horizon.steps).map(spot).collect();
-    forecast(seen, vec![mode(1.0, seen, stamp, (horizon, &spots))])
+    vec![mode(1.0, seen, stamp, (horizon, &spots))]
 }
 
 #[cfg(test)]
@@ -71,7 +72,7 @@ mod tests {
     use swerve_msg::{ActorId, ActorKind, Extent, Sighting};
 
     use super::*;
-    use crate::{PredictorName, forecast};
+    use crate::{PredictorName, predict};
 
     const HORIZON: Horizon = Horizon { steps: 20, step: Span::from_ms(100) };
 
@@ -97,8 +98,8 @@ mod tests {
         Point2::new(1.0 + libm::sin(s - 1.0), 2.0 - libm::cos(s - 1.0))
     }
 
-    fn points(list: &ForecastList, k: usize) -> Vec<Point2> {
-        list.forecasts[k].modes[0].path.iter().map(|at| at.pose.point()).collect()
+    fn points(list: &PredictionList, k: usize) -> Vec<Point2> {
+        list.predictions[k].path.iter().map(|at| at.pose.point()).collect()
     }
 
     #[test]
@@ -109,11 +110,8 @@ mod tests {
         }
         assert!(points(&list, 1)[20].distance(Point2::new(3.0, 2.0)) < 1e-9);
         // Without a source, no ground truth is used.
-        let alone = forecast(PredictorName::Truth, &tracks(), &HORIZON, crate::Ground::Open);
-        assert_eq!(
-            alone,
-            forecast(PredictorName::ConstantVelocity, &tracks(), &HORIZON, crate::Ground::Open)
-        );
+        let alone = predict(PredictorName::Truth, &tracks(), &HORIZON, crate::Ground::Open);
+        assert_eq!(alone, predict(PredictorName::ConstantVelocity, &tracks(), &HORIZON, crate::Ground::Open));
     }
 
     #[test]

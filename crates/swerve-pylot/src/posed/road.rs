@@ -139,11 +139,6 @@ fn start(problem: &FotProblem, line: &Polyline) -> Result<EgoState, String> {
 fn standing(id: ActorId, b: &AxisBox) -> Prediction {
     let pose = Pose2::new(0.5 * (b[0] + b[2]), 0.5 * (b[1] + b[3]), 0.0);
     let at = |k: i32| PredictedPose { at: Time::ZERO + Span::from_secs(STEP_S * f64::from(k)), pose };
-    Prediction {
-        id,
-        kind: ActorKind::Static,
-        extent: Extent { length_m: b[2] - b[0], width_m: b[3] - b[1], height_m: 1.8 },
-        probability: 1.0,
-        path: (0..=STEPS).map(at).collect(),
-    }
+    let extent = Extent { length_m: b[2] - b[0], width_m: b[3] - b[1], height_m: 1.8 };
+    Prediction::single(id, ActorKind::Static, extent, (0..=STEPS).map(at).collect())
 }

@@ -27,7 +27,7 @@ const STEP_MIN: Span = Span::from_ms(100);
 ///
 /// Poses and paths are those of the box centres; velocities are along and across the object. Autoware's paths have
 /// equal time steps: predictions are resampled at the step between their first two poses. All predictions of a
-/// track become its paths.
+/// track become its paths. Autoware has covariances of the present pose only: that of the likeliest prediction.
 pub fn objects_to_ros(
     tracks: &TrackList,
     predictions: &PredictionList,
@@ -43,6 +43,11 @@ pub fn objects_to_ros(
         kinematics.initial_pose_with_covariance.pose = pose;
         kinematics.initial_twist_with_covariance.twist.linear = linear;
         let own = predictions.predictions.iter().filter(|p| p.id == track.id && !p.path.is_empty());
+        let likeliest = Prediction::likeliest(predictions.modes_of(track.id));
+        if let Some([xx, xy, yy]) = likeliest.and_then(|mode| mode.covariances_m2.first()) {
+            let covariance = &mut kinematics.initial_pose_with_covariance.covariance.0;
+            (covariance[0], covariance[1], covariance[6], covariance[7]) = (*xx, *xy, *xy, *yy);
+        }
         kinematics.predicted_paths = own.map(|p| path_to_ros(p, pose.position.z)).collect();
         PredictedObject {
             object_id: uuid(track.id),
@@ -122,7 +127,7 @@ pub fn objects_from_ros(
     expect_frame(&objects.header.frame_id, map)?;
     let stamp = epoch.time(objects.header.stamp);
     let mut tracks = TrackList { stamp, tracks: Vec::new() };
-    let mut predictions = PredictionList { stamp, predictions: Vec::new() };
+    let mut predictions = PredictionList { stamp, ..PredictionList::default() };
     for object in &objects.objects {
         let (id, kind) = (identities.id(object.object_id), kind(&object.classification));
         let pose = pose_from_ros(&object.kinematics.initial_pose_with_covariance.pose);
@@ -133,12 +138,9 @@ pub fn objects_from_ros(
         let history = vec![Sighting { at: stamp, point: pose.point() }];
         tracks.tracks.push(Track { id, kind, pose, extent, velocity_mps, history });
         for path in &object.kinematics.predicted_paths {
-            predictions.predictions.extend(path_from_ros(path, stamp).map(|path_poses| Prediction {
-                id,
-                kind,
-                extent,
+            predictions.predictions.extend(path_from_ros(path, stamp).map(|poses| Prediction {
                 probability: f64::from(path.confidence),
-                path: path_poses,
+                ..Prediction::single(id, kind, extent, poses)
             }));
         }
     }

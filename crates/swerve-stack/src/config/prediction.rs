@@ -49,6 +49,9 @@ pub struct PredictionConfig {
     /// preset `best`. `lane_idm` always does; `truth` ignores it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub along_road: Option<bool>,
+    /// Publishes the covariances of the predictor, and whether its modes are joint. Planners then also keep clear of the uncertainty of each position:
+    /// of one standard deviation, with `planning.collision = "risk"` of as many as `risk_max` requires.
+    pub covariances: bool,
     /// `truth` only: horizon of the known future, ms; road users go straight on after that. `horizon_ms` when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 60_000.0))]
@@ -121,6 +124,7 @@ impl Default for PredictionConfig {
             horizon_ms: 5000.0,
             step_ms: 100.0,
             along_road: None,
+            covariances: false,
             truth_horizon_ms: None,
             truth_noise_mps: 0.0,
         }

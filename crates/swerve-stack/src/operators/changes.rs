@@ -64,13 +64,8 @@ mod tests {
             at: stamp + Span::from_ms(100) * k,
             pose: Pose2::new(0.1 * k as f64 * speed_mps, 0.0, 0.0),
         };
-        Prediction {
-            id: ActorId(id),
-            kind: ActorKind::Car,
-            extent: Extent { length_m: 4.0, width_m: 2.0, height_m: 1.5 },
-            probability: 1.0,
-            path: (0..2).map(place).collect(),
-        }
+        let extent = Extent { length_m: 4.0, width_m: 2.0, height_m: 1.5 };
+        Prediction::single(ActorId(id), ActorKind::Car, extent, (0..2).map(place).collect())
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub(super) struct Predictors;
 struct ByTracks {
     predictor: Box<dyn Predictor>,
     horizon: Horizon,
+    /// True if covariances are published.
+    covariances: bool,
     /// Road that vehicles are predicted along.
     road: Option<Route>,
 }
@@ -47,6 +49,8 @@ struct Oracle {
     ahead: Ahead,
     telling: Telling,
     horizon: Horizon,
+    /// True if covariances are published.
+    covariances: bool,
     /// Number of world states taken.
     taken: u64,
 }
@@ -86,6 +90,7 @@ impl OperatorKind for Predictors {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let config = site.setup();
         let prediction = &config.prediction;
+        let (horizon, covariances) = (prediction.horizon(), prediction.covariances);
         if is_told(&site.settings()) {
             let params = SimParams { dt: span_of_ms(config.sim.dt_ms), vehicle: config.sim.vehicle.clone() };
             let telling = Telling {
@@ -94,7 +99,7 @@ impl OperatorKind for Predictors {
                 seed: config.seed,
             };
             let ahead = Ahead::new(&site.surroundings().scenario, &params);
-            let oracle = Oracle { ahead, telling, horizon: prediction.horizon(), taken: 0 };
+            let oracle = Oracle { ahead, telling, horizon, covariances, taken: 0 };
             return site.add_carrying(oracle, None, Oracle::carry);
         }
         let road = prediction.follows_road(&config.registry).then(|| site.surroundings().route.clone());
@@ -102,8 +107,17 @@ impl OperatorKind for Predictors {
         let weights = prediction.file_weights().map_err(wrong)?;
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("prediction: {}", in_one_line(&found));
         let predictor = prediction.built(&config.registry, weights.as_ref()).map_err(wrong)?;
-        site.add(ByTracks { predictor, horizon: prediction.horizon(), road }, None)
+        site.add(ByTracks { predictor, horizon, covariances, road }, None)
     }
+}
+
+/// Removes covariances unless they are to be published, and with them whether modes are joint.
+fn published(mut list: PredictionList, covariances: bool) -> PredictionList {
+    if !covariances {
+        list.joint = false;
+        list.predictions.iter_mut().for_each(|one| one.covariances_m2 = Vec::new());
+    }
+    list
 }
 
 impl Operator for ByTracks {
@@ -113,7 +127,8 @@ impl Operator for ByTracks {
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
             let ground = Ground::road(self.road.as_ref());
-            out.loan().send(self.predictor.predict(tracks, &self.horizon, ground));
+            let list = self.predictor.predict(tracks, &self.horizon, ground);
+            out.loan().send(published(list, self.covariances));
         }
     }
 }
@@ -132,7 +147,8 @@ impl Operator for Oracle {
         if let Some(tracks) = input.tracks.get() {
             let now: Vec<_> = self.ahead.all_at(tracks.stamp).collect();
             let told = |track: &Track, instants: &[Time]| self.places(&now, track, instants);
-            out.loan().send(PredictionList::from(&foretold(tracks, &self.horizon, &self.telling, &told)));
+            let list = foretold(tracks, &self.horizon, &self.telling, &told);
+            out.loan().send(published(list, self.covariances));
         }
     }
 }

@@ -198,13 +198,8 @@ pub(super) fn wall(id: ActorId, line_s_m: f64, route: &Route, at: Time) -> Predi
     let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
     let middle = route.unproject(FrenetPoint { s_m, d_m: 0.5 * (left_m - right_m) });
     let pose = Pose2::new(middle.x_m, middle.y_m, route.line().at(s_m).pose.heading_rad);
-    Prediction {
-        id,
-        kind: ActorKind::Static,
-        extent: Extent { length_m, width_m: left_m + right_m, height_m },
-        probability: 1.0,
-        path: vec![PredictedPose { at, pose }],
-    }
+    let extent = Extent { length_m, width_m: left_m + right_m, height_m };
+    Prediction::single(id, ActorKind::Static, extent, vec![PredictedPose { at, pose }])
 }
 
 /// Stopping distance, metres.

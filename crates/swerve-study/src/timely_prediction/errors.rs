@@ -2,9 +2,9 @@
 
 use swerve_core::{Span, Time};
 use swerve_geom::Point2;
-use swerve_msg::{ForecastList, Track};
+use swerve_msg::{Prediction, PredictionList, Track};
 use swerve_prediction::recorded::{Protocol, Recording, Scene, Window};
-use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foretold};
+use swerve_prediction::{Ground, Horizon, PredictorName, Telling, foretold, predict};
 
 use crate::tables::TimelyPrediction;
 
@@ -18,9 +18,9 @@ pub(super) struct Foreteller {
 }
 
 impl Foreteller {
-    fn list(&self, scene: &Scene, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
+    fn list(&self, scene: &Scene, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
         if self.name != PredictorName::Truth {
-            return forecast(self.name, &scene.tracks, horizon, ground);
+            return predict(self.name, &scene.tracks, horizon, ground);
         }
         let told = |track: &Track, instants: &[Time]| -> Option<Vec<Point2>> {
             let k = scene.windows.binary_search_by_key(&track.id, |window| window.id).ok()?;
@@ -125,10 +125,10 @@ impl<'a> Sums<'a> {
         (self.off_m.len() - 1) as f64 * GRID_S
     }
 
-    fn add(&mut self, scene: &Scene, window: &Window, list: &ForecastList, step_s: f64) {
+    fn add(&mut self, scene: &Scene, window: &Window, list: &PredictionList, step_s: f64) {
         let track = scene.tracks.tracks.iter().find(|track| track.id == window.id);
-        let forecast = list.forecasts.iter().find(|one| one.id == window.id);
-        let (Some(track), Some(mode)) = (track, forecast.and_then(swerve_msg::Forecast::likeliest)) else {
+        let mode = Prediction::likeliest(list.modes_of(window.id));
+        let (Some(track), Some(mode)) = (track, mode) else {
             return;
         };
         let truth = Line::of(track.pose.point(), &window.truth);

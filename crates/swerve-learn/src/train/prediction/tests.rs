@@ -89,7 +89,7 @@ fn predictor_trains_on_recorded_files_of_both_formats() {
         let weights = Weights::read(&std::fs::read(dir.path().join("small.weights")).unwrap()).unwrap();
         let (recordings, learnt) =
             (file_of(&path, format), |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| {
-                forecast_by(&weights, tracks, horizon, Ground::Open)
+                predict_by(&weights, tracks, horizon, Ground::Open)
             });
         let each = if format == "eth_ucy" { 1 } else { 4 };
         let protocol = Protocol { stride: 10 * stride, ..Protocol::whole(7 * each + 1, 5 * each) };

@@ -1,4 +1,4 @@
-//! Forecast errors, accumulated window by window.
+//! Prediction errors, accumulated window by window.
 
 use std::collections::VecDeque;
 
@@ -8,7 +8,7 @@ use swerve_eval::forecast::{
     BestOf, Coverage, Gaussian, MISS_M, ModeErrors, Recalibration, collide, joint, joint_probabilities, nll,
 };
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
-use swerve_msg::{Forecast, ForecastList};
+use swerve_msg::{Prediction, PredictionList};
 use swerve_prediction::recorded::{Scene, Window};
 
 /// Latencies of the timely error, ms.
@@ -132,29 +132,27 @@ impl Tally {
     }
 
     /// Adds all evaluated road users of a scene.
-    pub(crate) fn add(&mut self, scene: &Scene, list: &ForecastList) {
+    pub(crate) fn add(&mut self, scene: &Scene, list: &PredictionList) {
         let now = scene.tracks.stamp;
         while let Some((_, squared, held)) = self.to_come.pop_front_if(|(at, ..)| *at <= now) {
             self.recalibration.learn(squared, held);
         }
-        let found: Vec<(&Window, &Forecast)> = scene
-            .windows
-            .iter()
-            .filter_map(|window| Some((window, list.forecasts.iter().find(|one| one.id == window.id)?)))
-            .collect();
-        let errors: Vec<Vec<ModeErrors>> = found.iter().map(|(window, one)| errors(one, window)).collect();
-        let predicted: Vec<Vec<Obb>> = found.iter().map(|(_, one)| outlines(one)).collect();
+        let found = scene.windows.iter().map(|window| (window, list.modes_of(window.id)));
+        let found: Vec<(&Window, &[Prediction])> = found.filter(|(_, modes)| !modes.is_empty()).collect();
+        let errors: Vec<Vec<ModeErrors>> =
+            found.iter().map(|(window, modes)| errors(modes, window)).collect();
+        let predicted: Vec<Vec<Obb>> = found.iter().map(|(_, modes)| outlines(modes)).collect();
         let happened: Vec<Vec<Obb>> =
-            found.iter().map(|(window, one)| outlines_in_truth(one, window)).collect();
-        for (k, (window, forecast)) in found.iter().enumerate() {
-            self.add_one(window, forecast, &errors[k]);
+            found.iter().map(|(window, modes)| outlines_in_truth(modes, window)).collect();
+        for (k, (window, modes)) in found.iter().enumerate() {
+            self.add_one(window, modes, &errors[k]);
             let hits = |of: &[Vec<Obb>]| (0..of.len()).any(|j| j != k && collide(&of[k], &of[j]));
             let [foretold, happened] = [hits(&predicted), hits(&happened)];
             self.collisions += usize::from(foretold);
             self.collisions_in_truth += usize::from(happened);
             self.collisions_alone += usize::from(foretold && !happened);
         }
-        if list.joint || found.iter().all(|(_, one)| one.modes.len() == 1) {
+        if list.joint || found.iter().all(|(_, modes)| modes.len() == 1) {
             self.add_world(&errors);
         }
     }
@@ -173,18 +171,18 @@ impl Tally {
         self.scenes += 1;
     }
 
-    fn add_one(&mut self, window: &Window, forecast: &Forecast, errors: &[ModeErrors]) {
+    fn add_one(&mut self, window: &Window, modes: &[Prediction], errors: &[ModeErrors]) {
         let steps = window.truth.len();
         let Some(best) = BestOf::of(errors, self.best_of) else { return };
         let mixture = |k: usize| -> Vec<Gaussian> {
-            let part = |mode: &swerve_msg::Mode| Gaussian {
+            let part = |mode: &Prediction| Gaussian {
                 weight: mode.probability,
                 mean: mode.path[k + 1].pose.point(),
-                covariance_m2: mode.path[k + 1].covariance_m2,
+                covariance_m2: mode.covariances_m2[k + 1],
             };
-            forecast.modes.iter().map(part).collect()
+            modes.iter().map(part).collect()
         };
-        let has_spread = mixture(steps - 1).iter().all(|part| part.covariance_m2 != [0.0; 3]);
+        let has_spread = modes.iter().all(|mode| mode.covariances_m2.len() == mode.path.len());
         let nats = match has_spread {
             true => (0..steps).map(|k| nll(&mixture(k), window.truth[k])).sum::<f64>() / steps as f64,
             false => f64::NAN,
@@ -195,16 +193,16 @@ impl Tally {
             [best.ade_m, best.fde_m, best.min_ade_m, best.min_fde_m, best.brier_min_fde_m, missed, nats];
         self.sums.iter_mut().zip(one).for_each(|(sum, one)| *sum += one);
         if has_spread && let Some(region) = Gaussian::of_mixture(&mixture(steps - 1)) {
-            let ends = forecast.modes[0].path[steps].at;
+            let ends = modes[0].path[steps].at;
             self.judge_region(&region, window.truth[steps - 1], ends);
         }
-        let Some(likeliest) = forecast.likeliest() else { return };
+        let Some(likeliest) = Prediction::likeliest(modes) else { return };
         self.step_s = (likeliest.path[1].at - likeliest.path[0].at).as_secs();
-        let mut order: Vec<&swerve_msg::Mode> = forecast.modes.iter().collect();
+        let mut order: Vec<&Prediction> = modes.iter().collect();
         order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         order.truncate(self.best_of);
         for (k, (sums, truth)) in self.steps.iter_mut().zip(&window.truth).enumerate() {
-            let off_m = |mode: &swerve_msg::Mode| mode.path[k + 1].pose.point().distance(*truth);
+            let off_m = |mode: &Prediction| mode.path[k + 1].pose.point().distance(*truth);
             let missed = order.iter().all(|mode| off_m(mode) > MISS_M);
             let off_m = off_m(likeliest);
             let one = [1.0, off_m, off_m * off_m, f64::from(u8::from(missed))];
@@ -305,31 +303,32 @@ fn timely(by_step: &[Step], step_s: f64) -> Vec<Timely> {
 }
 
 /// Errors of each mode.
-fn errors(forecast: &Forecast, window: &Window) -> Vec<ModeErrors> {
+fn errors(modes: &[Prediction], window: &Window) -> Vec<ModeErrors> {
     let steps = window.truth.len();
-    let of = |mode: &swerve_msg::Mode| {
+    let of = |mode: &Prediction| {
         let path: Vec<Point2> = mode.path[1..=steps].iter().map(|at| at.pose.point()).collect();
         ModeErrors::of(mode.probability, &path, &window.truth)
     };
-    forecast.modes.iter().filter_map(of).collect()
+    modes.iter().filter_map(of).collect()
 }
 
 /// Outlines along the likeliest mode.
-fn outlines(forecast: &Forecast) -> Vec<Obb> {
-    let path = forecast.likeliest().map_or(&[][..], |mode| &mode.path);
-    path.iter().map(|at| forecast.extent.footprint(at.pose)).collect()
+fn outlines(modes: &[Prediction]) -> Vec<Obb> {
+    let outline = |mode: &Prediction| mode.path.iter().map(|at| mode.extent.footprint(at.pose)).collect();
+    Prediction::likeliest(modes).map_or(Vec::new(), outline)
 }
 
 /// Outlines along the recorded path, headed along the motion; a standing road user keeps its previous heading.
-fn outlines_in_truth(forecast: &Forecast, window: &Window) -> Vec<Obb> {
-    let Some(now) = forecast.likeliest().and_then(|mode| mode.path.first()) else { return Vec::new() };
+fn outlines_in_truth(modes: &[Prediction], window: &Window) -> Vec<Obb> {
+    let Some(likeliest) = Prediction::likeliest(modes) else { return Vec::new() };
+    let (now, extent) = (likeliest.path[0], likeliest.extent);
     let (mut at, mut heading_rad) = (now.pose.point(), now.pose.heading_rad);
     let outline = |to: &Point2| {
         let on: Vector2 = *to - at;
         if on.norm() > LEAST_M {
             (at, heading_rad) = (*to, on.heading());
         }
-        forecast.extent.footprint(Pose2::new(to.x_m, to.y_m, heading_rad))
+        extent.footprint(Pose2::new(to.x_m, to.y_m, heading_rad))
     };
-    std::iter::once(forecast.extent.footprint(now.pose)).chain(window.truth.iter().map(outline)).collect()
+    std::iter::once(extent.footprint(now.pose)).chain(window.truth.iter().map(outline)).collect()
 }

@@ -37,9 +37,13 @@ impl Predictor for Steady {
             };
             let path = (0..=horizon.steps as i64).map(pose).collect();
             let Track { id, kind, extent, .. } = *track;
-            Prediction { id, kind, extent, probability: 1.0, path }
+            Prediction::single(id, kind, extent, path)
         };
-        PredictionList { stamp: tracks.stamp, predictions: tracks.tracks.iter().map(of).collect() }
+        PredictionList {
+            stamp: tracks.stamp,
+            predictions: tracks.tracks.iter().map(of).collect(),
+            joint: false,
+        }
     }
 }
 

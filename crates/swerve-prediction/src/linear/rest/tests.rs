@@ -4,7 +4,7 @@ use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{ActorId, ActorKind, Extent, Track, TrackList};
 
 use crate::linear::{Params, predict};
-use crate::{Ground, Horizon, PredictorName, forecast};
+use crate::{Ground, Horizon, PredictorName, predict as predict_by_name};
 
 /// A pedestrian with sightings every 50 ms up to now: `place(t)` in metres at `t` seconds (negative), reported to
 /// move at `reported_mps` along y.
@@ -101,7 +101,7 @@ fn no_predictor_extrapolates_the_scatter_of_a_standing_person() {
     let exact = person(0.0, |_| [place.x_m, place.y_m]);
     let ends = |name: PredictorName, track: &Track| -> Vec<Point2> {
         let list = TrackList { stamp: Time::from_ms(600), tracks: vec![track.clone()] };
-        let modes = forecast(name, &list, &horizon, Ground::Open).forecasts.remove(0).modes;
+        let modes = predict_by_name(name, &list, &horizon, Ground::Open).predictions;
         modes.iter().map(|mode| mode.path[40].pose.point()).collect()
     };
     for name in PredictorName::ALL {

@@ -1,9 +1,9 @@
 use swerve_core::Span;
 use swerve_geom::Polyline;
-use swerve_msg::{ActorId, Extent};
+use swerve_msg::{ActorId, Extent, PredictionList};
 
 use super::*;
-use crate::predictor::{Ground, Horizon, PredictorName, forecast};
+use crate::predictor::{Ground, Horizon, PredictorName, predict};
 
 const THREE_SECONDS: Horizon = Horizon { steps: 30, step: Span::from_ms(100) };
 /// Bend radius of the road's line, metres.
@@ -45,12 +45,12 @@ fn offsets(
     ground: Ground<'_>,
     route: &Route,
 ) -> Vec<(f64, [f64; 2])> {
-    let list = forecast(name, tracks, &THREE_SECONDS, ground);
-    let of = |mode: &Mode| {
+    let list = predict(name, tracks, &THREE_SECONDS, ground);
+    let of = |mode: &Prediction| {
         let d_m = mode.path.iter().map(|one| route.project(one.pose.point()).d_m);
         (mode.probability, [d_m.clone().fold(f64::INFINITY, f64::min), d_m.fold(f64::NEG_INFINITY, f64::max)])
     };
-    list.forecasts[0].modes.iter().map(of).collect()
+    list.modes_of(ActorId(1)).iter().map(of).collect()
 }
 
 /// All predictors with a motion model.
@@ -85,12 +85,12 @@ fn braking_vehicle_is_predicted_to_stop() {
         PredictorName::SocialForce,
         PredictorName::Orca,
     ] {
-        let list = forecast(name, &tracks, &THREE_SECONDS, Ground::Road(&route));
-        let last = list.forecasts[0].modes[0].path[30].pose;
+        let list = predict(name, &tracks, &THREE_SECONDS, Ground::Road(&route));
+        let last = list.predictions[0].path[30].pose;
         assert!((last.x_m - 118.75).abs() < 0.2, "{name:?}: {last:?}");
     }
-    let open = forecast(PredictorName::ConstantVelocity, &tracks, &THREE_SECONDS, Ground::Open);
-    assert!(open.forecasts[0].modes[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
+    let open = predict(PredictorName::ConstantVelocity, &tracks, &THREE_SECONDS, Ground::Open);
+    assert!(open.predictions[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
 }
 
 /// An oncoming car of 1.8 m width drifts with 1 m/s, its centre at 2.5 m, its side 0.4 m over the line at 2 m. It
@@ -165,27 +165,38 @@ fn pedestrians_and_crossing_vehicles_are_predicted_on_the_map() {
     crosses.pose = Pose2::new(point.x_m, point.y_m, crosses.velocity_mps.heading());
     tracks.tracks.push(crosses);
     for name in [PredictorName::Imm, PredictorName::Multipath, PredictorName::Kalman] {
-        let of = |ground| forecast(name, &tracks, &THREE_SECONDS, ground);
+        let of = |ground| predict(name, &tracks, &THREE_SECONDS, ground);
         assert_eq!(of(Ground::Road(&route)), of(Ground::Open), "{name:?}");
     }
     // In the presence of a vehicle that follows the road.
     tracks.tracks.extend(oncoming(&route, ActorKind::Car, 10.0, 4.0).tracks);
-    let of = |ground| forecast(PredictorName::Imm, &tracks, &THREE_SECONDS, ground).forecasts;
+    let of = |ground| predict(PredictorName::Imm, &tracks, &THREE_SECONDS, ground);
     let (road, open) = (of(Ground::Road(&route)), of(Ground::Open));
-    assert_eq!(road[..2], open[..2]);
-    assert_ne!(road[2], open[2]);
+    let modes =
+        |list: &PredictionList, k: usize| Prediction::by_actor(&list.predictions).nth(k).unwrap().to_vec();
+    for k in 0..2 {
+        assert_eq!(modes(&road, k), modes(&open, k));
+    }
+    assert_ne!(modes(&road, 2), modes(&open, 2));
 }
 
 #[test]
 fn modes_that_leave_the_ground_are_removed_and_renormalised() {
     let route = straight();
     let mode = |probability: f64, to_m: f64| {
-        let at = |k: i64| ForecastPose {
+        let at = |k: i64| PredictedPose {
             at: Time::from_ms(1000 * k),
             pose: Pose2::new(100.0 - 10.0 * k as f64, 4.0 + (to_m - 4.0) * k as f64 / 3.0, 0.0),
-            covariance_m2: [1.0, 0.0, 1.0],
         };
-        Mode { probability, path: (0..=3).map(at).collect() }
+        let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
+        Prediction {
+            id: ActorId(1),
+            kind: ActorKind::Car,
+            extent,
+            probability,
+            path: (0..=3).map(at).collect(),
+            covariances_m2: vec![[1.0, 0.0, 1.0]; 4],
+        }
     };
     // The ground ends at 6 and -2 m.
     let mut modes = vec![mode(0.6, 4.0), mode(0.2, 9.0), mode(0.1, -6.0), mode(0.1, 3.0)];

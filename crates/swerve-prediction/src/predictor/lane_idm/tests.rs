@@ -2,11 +2,11 @@ use proptest::prelude::*;
 use swerve_core::Span;
 use swerve_geom::{Polyline, Pose2};
 use swerve_map::{Borders, Lane, LaneId, Map};
-use swerve_msg::{ActorId, Extent, ForecastList, Sighting, Track, TrackList};
+use swerve_msg::{ActorId, Extent, Prediction, Sighting, Track, TrackList};
 
 use super::*;
 use crate::lanes::{LaneGraph, StopLine};
-use crate::predictor::{PredictorName, forecast as forecast_of};
+use crate::predictor::{PredictorName, predict};
 
 const FIVE_SECONDS: Horizon = Horizon { steps: 50, step: Span::from_ms(100) };
 
@@ -43,24 +43,25 @@ fn fork() -> LaneGraph {
     LaneGraph::new(Map::new(lanes).unwrap(), vec![stop(1), stop(4)]).unwrap()
 }
 
-fn foretold(tracks: Vec<Track>, lanes: &LaneGraph) -> ForecastList {
+fn foretold(tracks: Vec<Track>, lanes: &LaneGraph) -> Vec<Modes> {
     let list = TrackList { stamp: Time::ZERO, tracks };
-    let found = forecast_of(PredictorName::LaneIdm, &list, &FIVE_SECONDS, Ground::Lanes(lanes));
-    for one in &found.forecasts {
-        let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
-        assert!((sum - 1.0).abs() < 1e-9 && one.modes.len() <= 6, "{sum}");
-        let mut places = one.modes.iter().flat_map(|mode| &mode.path);
+    let found = predict(PredictorName::LaneIdm, &list, &FIVE_SECONDS, Ground::Lanes(lanes)).predictions;
+    let found: Vec<Modes> = Prediction::by_actor(&found).map(<[_]>::to_vec).collect();
+    for modes in &found {
+        let sum: f64 = modes.iter().map(|mode| mode.probability).sum();
+        assert!((sum - 1.0).abs() < 1e-9 && modes.len() <= 6, "{sum}");
+        let mut places = modes.iter().flat_map(|mode| &mode.path);
         assert!(places.all(|at| at.pose.is_finite() && at.pose.x_m.abs() < 1e7));
     }
     found
 }
 
-fn ends(found: &ForecastList, k: usize) -> Vec<Pose2> {
-    found.forecasts[k].modes.iter().map(|mode| mode.path[50].pose).collect()
+fn ends(found: &[Modes], k: usize) -> Vec<Pose2> {
+    found[k].iter().map(|mode| mode.path[50].pose).collect()
 }
 
 #[test]
-fn forecast_has_a_cruising_and_a_braking_mode_for_each_path() {
+fn prediction_has_a_cruising_and_a_braking_mode_for_each_path() {
     let lanes = fork();
     let line = |k: usize| &lanes.map().lanes()[k].line;
     let found = foretold(vec![car(1, line(0), 40.0, 10.0)], &lanes);
@@ -69,11 +70,11 @@ fn forecast_has_a_cruising_and_a_braking_mode_for_each_path() {
     assert!(left.y_m > 15.0 && (left.heading_rad - 1.55).abs() < 0.2, "{left:?}");
     // It stops after 25 m.
     assert!((on_brakes.x_m - 65.0).abs() < 0.5 && left_brakes.y_m < 3.0, "{on_brakes:?} {left_brakes:?}");
-    let shares: Vec<f64> = found.forecasts[0].modes.iter().map(|mode| mode.probability).collect();
+    let shares: Vec<f64> = found[0].iter().map(|mode| mode.probability).collect();
     assert!(shares[0] > shares[2] && (shares[0] - 9.0 * shares[1]).abs() < 1e-9, "{shares:?}");
     // Beyond the fork there is only one path.
     let found = foretold(vec![car(1, line(2), 40.0, 10.0)], &lanes);
-    assert_eq!(found.forecasts[0].modes.len(), 2);
+    assert_eq!(found[0].len(), 2);
     // In the bend, the lateral acceleration is limited to 3 m/s².
     let fast = foretold(vec![car(1, line(0), 40.0, 20.0)], &lanes);
     assert!(ends(&fast, 0)[2].y_m < 70.0 && ends(&fast, 0)[0].x_m > 130.0, "{:?}", ends(&fast, 0));
@@ -123,7 +124,7 @@ proptest! {
 
     /// Arbitrary lane graphs with arbitrary vehicles: probabilities sum to 1, and positions are finite.
     #[test]
-    fn forecasts_are_valid_on_arbitrary_lanes(
+    fn predictions_are_valid_on_arbitrary_lanes(
         points in prop::collection::vec((-60.0..60.0, -60.0..60.0), 4..9),
         links in prop::collection::vec((0_usize..8, 0_usize..8), 0..20),
         cars in prop::collection::vec((-80.0..80.0, -80.0..80.0, -20.0..20.0, -20.0..20.0), 1..8),
@@ -148,6 +149,6 @@ proptest! {
             car(k as u32, &line, 0.0, libm::hypot(vx, vy))
         };
         let found = foretold(cars.iter().enumerate().map(track).collect(), &lanes);
-        prop_assert_eq!(found.forecasts.len(), cars.len());
+        prop_assert_eq!(found.len(), cars.len());
     }
 }

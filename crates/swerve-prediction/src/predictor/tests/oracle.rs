@@ -14,10 +14,9 @@ fn folder(name: &str) -> Option<PathBuf> {
 fn distances_m(recording: &Recording, protocol: &Protocol, name: PredictorName) -> Vec<Vec<f64>> {
     let horizon = Horizon { steps: protocol.predict, step: recording.step };
     let of_scene = |scene: crate::recorded::Scene| {
-        let list = forecast(name, &scene.tracks, &horizon, Ground::Open);
+        let list = predict(name, &scene.tracks, &horizon, Ground::Open);
         let of_one = |window: &crate::recorded::Window| {
-            let one = list.forecasts.iter().find(|one| one.id == window.id).unwrap();
-            let path = &one.likeliest().unwrap().path[1..];
+            let path = &Prediction::likeliest(list.modes_of(window.id)).unwrap().path[1..];
             path.iter().zip(&window.truth).map(|(at, truth)| at.pose.point().distance(*truth)).collect()
         };
         scene.windows.iter().map(of_one).collect::<Vec<Vec<f64>>>()

@@ -85,9 +85,13 @@ fn tracks() -> (TrackList, PredictionList) {
         at: stamp + Span::from_ms(500) * i,
         pose: Pose2::new(20.0, 5.0 + 1.5 * i as f64, FRAC_PI_2),
     });
-    let prediction =
-        Prediction { id: ActorId(1), kind: ActorKind::Car, extent, probability: 0.75, path: path.collect() };
-    (TrackList { stamp, tracks: vec![track] }, PredictionList { stamp, predictions: vec![prediction] })
+    let prediction = Prediction {
+        probability: 0.75,
+        covariances_m2: (0..4).map(|i| [0.01, 0.0, 0.04 + 0.1 * f64::from(i)]).collect(),
+        ..Prediction::single(ActorId(1), ActorKind::Car, extent, path.collect())
+    };
+    let predictions = PredictionList { stamp, predictions: vec![prediction], ..PredictionList::default() };
+    (TrackList { stamp, tracks: vec![track] }, predictions)
 }
 
 #[test]
@@ -99,7 +103,9 @@ fn tracks_and_predictions_convert_to_predicted_objects() {
     // Heading north: 3 m/s along, and 0.5 m/s to the left, which is west.
     let linear = object.kinematics.initial_twist_with_covariance.twist.linear;
     assert!((linear.x - 3.0).abs() < 1e-12 && (linear.y - 0.5).abs() < 1e-12);
-    assert_eq!(object.kinematics.initial_pose_with_covariance.pose.position.z, 0.75);
+    let present = &object.kinematics.initial_pose_with_covariance;
+    assert_eq!((present.pose.position.z, present.covariance.0[..2].to_vec()), (0.75, vec![0.01, 0.0]));
+    assert_eq!((present.covariance.0[6], present.covariance.0[7]), (0.0, 0.04));
     assert_eq!(object.classification[0].label, ObjectClassification::CAR);
     assert_eq!((object.shape.type_, object.shape.dimensions.x), (Shape::BOUNDING_BOX, 4.5));
     let path = &object.kinematics.predicted_paths[0];
