@@ -45,7 +45,7 @@ pub enum Reaction {
     Skip,
     /// Publishes the newest finished result again, under the new stamp; nothing before the first result.
     ReuseLast,
-    /// Publishes the output of [`Operator::on_deadline`](crate::Operator::on_deadline).
+    /// Publishes the output of the operator for a missed deadline, if it has one.
     OnDeadline,
 }
 

@@ -31,8 +31,7 @@ pub enum CollisionMode {
     /// An obstacle occupies only its predicted place at the instant checked.
     #[default]
     TimeIndexed,
-    /// An obstacle occupies all its predicted places at all times (places at least [`SWEPT_STEP_M`] apart), as in
-    /// Pylot.
+    /// An obstacle occupies all its predicted places at all times (places at least 1 m apart), as in Pylot.
     SweptStatic,
     /// As time-indexed, but a pedestrian may stop on the way: at each instant it occupies everything between its
     /// current and its predicted place.
@@ -42,8 +41,8 @@ pub enum CollisionMode {
     /// Prediction of Pedestrians, ITSC 2018, restricted to one line). Vehicles need a distance to stop and stay
     /// time-indexed. If this leaves neither a way through nor a stop, planners take pedestrians as predicted.
     MayStop,
-    /// As [`MayStop`](Self::MayStop), but unlikely modes are not kept clear of: the caller removes the least likely
-    /// ones, up to a bound on their total probability ([`within_risk`]).
+    /// As `may_stop`, but unlikely modes are not kept clear of: the caller removes the least likely ones, up to a bound
+    /// on their total probability ([`within_risk`]).
     Risk,
 }
 

@@ -236,6 +236,9 @@ mod tests {
         assert!(all.len() > 300, "{}", all.len());
         let silent: Vec<&str> = all.iter().filter(|key| key.doc.is_empty()).map(|key| &*key.key).collect();
         assert!(silent.is_empty(), "without a doc comment: {silent:?}");
+        let texts = all.iter().flat_map(|key| key.choices.iter().map(|one| &one.doc).chain([&key.doc]));
+        let linked: Vec<&String> = texts.filter(|doc| doc.contains("[`") || doc.contains("::")).collect();
+        assert!(linked.is_empty(), "links to items of the code: {linked:?}");
         for key in all.iter().filter(|key| key.only_with.is_none() && !key.key.contains("NAME")) {
             // Long defaults are abbreviated, and required values are empty.
             let is_whole = |text: &&String| !text.starts_with('a') && **text != "\"\"";

@@ -95,7 +95,7 @@ impl<'a> Walk<'a> {
             default: default.and_then(as_toml),
             unit: unit(name),
             range: range(inner),
-            doc: doc.unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" "),
+            doc: prose(doc.unwrap_or_default()),
             choices: choices(inner),
         }
     }
@@ -183,7 +183,7 @@ fn choices(schema: &Value) -> Vec<Choice> {
     let told = schema.get("oneOf").and_then(Value::as_array).into_iter().flatten();
     let told = told.flat_map(|one| {
         let doc = one.get("description").and_then(Value::as_str).unwrap_or_default();
-        let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
+        let doc = prose(doc);
         let names = match (one.get("const"), one.get("enum")) {
             (Some(name), _) => vec![name],
             (None, Some(Value::Array(names))) => names.iter().collect(),
@@ -193,6 +193,20 @@ fn choices(schema: &Value) -> Vec<Choice> {
         names.into_iter().map(move |name| Choice { name, doc: doc.clone() })
     });
     plain.chain(told).collect()
+}
+
+/// A doc comment in one line, with the names of its links to items.
+fn prose(doc: &str) -> String {
+    let line = doc.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut parts = line.split("[`");
+    let mut prose = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (name, rest) = part.split_once("`]").unwrap_or((part, ""));
+        let path = rest.strip_prefix('(').and_then(|rest| rest.split_once(')'));
+        let rest = path.map_or(rest, |(_, rest)| rest);
+        prose.extend(["`", name, "`", rest]);
+    }
+    prose
 }
 
 /// A default as TOML, abbreviated.

@@ -129,7 +129,7 @@ pub struct Config {
     pub process: BTreeMap<String, ProcessConfig>,
     /// Shared memory of these processes.
     pub shared_memory: SharedMemoryConfig,
-    /// Mapping of streams to ROS 2 topics, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    /// Mapping of streams to ROS 2 topics, for `swerve live` and `run --ros2`.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     #[schemars(with = "crate::config::AnyTable")]
     pub ros2: toml::Table,

@@ -10,7 +10,7 @@ pub enum LidarEngine {
     /// CPU: always available; the same bytes on every x86-64 machine and thread count.
     #[default]
     Cpu,
-    /// GPU compute shader: the same points up to rounding, see [`crate::Sweeper`].
+    /// GPU compute shader: the same points up to rounding.
     Gpu,
 }
 
