@@ -13,7 +13,8 @@ use swerve_msg::{CameraInfo, Image, Intrinsics};
 
 use crate::config::Config;
 use crate::config::camera::{CameraConfig, Output};
-use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings};
 use crate::shot::{Eye, Shot};
 use crate::site::Site;
 use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego};

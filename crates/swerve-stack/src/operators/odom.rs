@@ -17,7 +17,7 @@ use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
 use swerve_localization::lateral_velocity::{LateralMotion, LateralVelocity};
 use swerve_msg::{EgoState, LocalPose, Plan};
 
-use super::localizer::new;
+use super::receiver::new;
 
 /// Longest step of the odometry, seconds: beyond it the motion since the last state is unknown.
 const STEP_MAX_S: f64 = 0.2;

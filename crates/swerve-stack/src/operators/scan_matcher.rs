@@ -24,10 +24,11 @@ use swerve_localization::odometry::Odometry;
 use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 use swerve_text::{FILE_MAX, read_bytes};
 
-use super::localizer::{Receiver, new};
+use super::receiver::{Receiver, new, pose_of};
 use crate::config::execution::Runtime;
 use crate::config::sensors::LidarConfig;
-use crate::kind::{Heavy, Kind, NoKeys, Node, Settings};
+use crate::kind::{Heavy, Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Readings kept of inertial unit and wheels: those of a sweep and of one missed sweep, at 100 Hz.
@@ -201,14 +202,6 @@ fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
 fn read(path: &Path) -> anyhow::Result<MapFile> {
     ensure!(path.exists(), "there is no such file; `swerve map build` writes one");
     Ok(MapFile::read(&read_bytes(path, FILE_MAX)?)?)
-}
-
-/// Pose of a car that is level at this position.
-pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
-    let (sin, cos) = math::sin_cos(heading_rad);
-    let [x, y, z] = at_m;
-    let rows = [cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0];
-    swerve_localization::ndt::pose_of(&rows).unwrap_or_else(Isometry3::identity)
 }
 
 /// Localizes a lidar on a map.
