@@ -10,7 +10,7 @@ use crate::registry::Registry;
 /// Configuration of a run with the kinds that it can name, the commands that the world replays, and the user's consent.
 ///
 /// Dereferences to its configuration.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Configuration.
     pub config: Config,

@@ -13,7 +13,6 @@ use swerve_pylot::Preset;
 use swerve_vision::shipped;
 
 use crate::config::Config;
-use crate::config::programs::Consent;
 use crate::controllers::{Mpc, Pid, PurePursuit, Stanley};
 use crate::detectors::ByWeights;
 use crate::localizers::{self, Eskf, EskfNdt, Ndt, Odometry};
@@ -72,17 +71,6 @@ impl Registry {
 impl Default for Registry {
     fn default() -> Self {
         Self::standard()
-    }
-}
-
-impl Default for Setup {
-    fn default() -> Self {
-        Self {
-            config: Config::default(),
-            registry: Registry::default(),
-            course: None,
-            consent: Consent::default(),
-        }
     }
 }
 

@@ -19,7 +19,7 @@ use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQualit
 mod stored_pose;
 
 use super::odom::Odometer;
-use super::receiver::{Receiver, new};
+use super::receiver::{Receiver, new_messages};
 use crate::config::execution::span_of_ms;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{Kind, Node, Settings};
@@ -218,18 +218,18 @@ impl Operator for Filter {
             None => return,
         };
         self.newest = stamp;
-        for wheels in new(input.wheels.get(), &mut self.taken[0]) {
+        for wheels in new_messages(input.wheels.get(), &mut self.taken[0]) {
             self.start_stored(wheels);
             let sensed = self.wheels(wheels);
             self.localizer.take(wheels.stamp, sensed);
         }
         if !self.awaits_wheels(stamp) {
-            for fix in new(input.fixes.get(), &mut self.taken[1]) {
+            for fix in new_messages(input.fixes.get(), &mut self.taken[1]) {
                 self.fix(fix);
             }
         }
         let matches = input.matches.as_ref().map_or(&[][..], |matches| matches.get());
-        for found in new(matches, &mut self.taken[2]) {
+        for found in new_messages(matches, &mut self.taken[2]) {
             let sensed = self.matched(found);
             self.localizer.take(found.stamp, sensed);
         }

@@ -85,7 +85,7 @@ pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
 }
 
 /// Messages of a window that were not taken before.
-pub(super) fn new<'a, T>(
+pub(super) fn new_messages<'a, T>(
     window: &'a [Message<T>],
     taken: &mut u64,
 ) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {

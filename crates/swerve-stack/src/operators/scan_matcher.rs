@@ -24,7 +24,7 @@ use swerve_localization::odometry::Odometry;
 use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 use swerve_text::{FILE_MAX, read_bytes};
 
-use super::receiver::{Receiver, new, pose_of};
+use super::receiver::{Receiver, new_messages, pose_of};
 use crate::config::execution::Runtime;
 use crate::config::sensors::LidarConfig;
 use crate::kind::{Heavy, Kind, Node, Settings};
@@ -182,8 +182,9 @@ pub(super) fn readings(
     taken: &mut [u64; 2],
 ) -> Vec<(Time, Reading)> {
     let [imu_taken, wheels_taken] = taken;
-    let gyro = new(imu, imu_taken).map(|imu| (imu.stamp, Reading::Gyro(imu.gyro_radps)));
-    let wheels = new(wheels, wheels_taken).map(|wheels| (wheels.stamp, Reading::Wheels(wheels.speed_mps)));
+    let gyro = new_messages(imu, imu_taken).map(|imu| (imu.stamp, Reading::Gyro(imu.gyro_radps)));
+    let wheels =
+        new_messages(wheels, wheels_taken).map(|wheels| (wheels.stamp, Reading::Wheels(wheels.speed_mps)));
     let mut readings: Vec<_> = wheels.chain(gyro).collect();
     readings.sort_by_key(|(stamp, _)| *stamp);
     readings
