@@ -19,6 +19,7 @@ use crate::config::{Config, OperatorConfig};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::ladder::{Ladder, RUNG, Schedule};
 use crate::setup::Setup;
+use crate::shot::Shots;
 use crate::stage::{SharedStage, StreamMemory};
 
 /// One operator of a pipeline.
@@ -127,6 +128,8 @@ pub(crate) struct Building {
     pub(crate) sources: BTreeMap<String, Box<dyn Any + Send>>,
     /// Shared resources of cameras and lidars, if there are any.
     pub(crate) stage: Option<SharedStage>,
+    /// Frames of all cameras that wait for an adapter.
+    pub(crate) shots: Arc<Shots>,
 }
 
 /// One operator in a graph during assembly.
@@ -289,6 +292,11 @@ impl Site<'_> {
         let memory = StreamMemory::new(arrays);
         self.building.memory.insert(format!("{}.{output}", self.placed.name), memory.clone());
         memory
+    }
+
+    /// Frames of all cameras that wait for an adapter.
+    pub(crate) fn shots(&self) -> Arc<Shots> {
+        self.building.shots.clone()
     }
 
     /// Shared resources of cameras and lidars.
