@@ -288,6 +288,31 @@ fn few_files_know_an_operator_and_its_message() {
     }
 }
 
+/// Modules of `swerve-stack` import modules of their layer and of those below, as ARCHITECTURE.md lists them.
+#[test]
+fn layers_of_the_stack_hold() {
+    let page = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let lines =
+        page.lines().skip_while(|line| !line.starts_with("settings: ")).take_while(|line| *line != "```");
+    let layers: Vec<Vec<&str>> = lines.map(|line| line.split(' ').skip(1).collect()).collect();
+    let layer = |module: &str| layers.iter().position(|modules| modules.contains(&module));
+    let mut wrong = Vec::new();
+    for (path, text) in sources() {
+        let Some(file) = path.strip_prefix("swerve-stack/src/").filter(|file| *file != "lib.rs") else {
+            continue;
+        };
+        let module = file.split(['/', '.']).next().unwrap();
+        let own = layer(module).unwrap_or_else(|| panic!("ARCHITECTURE.md: no layer has `{module}`"));
+        let code = text.split("\n#[cfg(test)]\n").next().unwrap().lines();
+        let code = code.filter(|line| !line.trim_start().starts_with("//"));
+        let used = code.flat_map(|line| line.split("crate::").skip(1));
+        let used = used.map(|rest| rest.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap());
+        let above = used.filter(|used| layer(used).is_none_or(|layer| layer > own));
+        wrong.extend(above.map(|used| format!("{file} uses `{used}`")));
+    }
+    assert!(layers.len() == 5 && wrong.is_empty(), "{} layers: {wrong:#?}", layers.len());
+}
+
 /// A named pipe or a device in place of a file could block: files are opened by `swerve_text::open_file`.
 #[test]
 fn files_are_opened_in_one_place() {

@@ -14,7 +14,8 @@ use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
 use swerve_vehicle::Limits;
 
 use crate::assembly::{Assembly, Placed};
-use crate::kind::{Heavy, Node, OperatorKind, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Heavy, Node, OperatorKind, Settings};
 use crate::setup::Setup;
 use crate::site::Site;
 

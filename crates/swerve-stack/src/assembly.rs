@@ -4,27 +4,31 @@
 //! where the type alone does not decide.
 
 mod additions;
-mod base;
+mod check;
 mod links;
-mod settings;
+mod processes;
+pub(crate) mod settings;
 mod written;
 
 use std::sync::Arc;
 
-use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
-
-use crate::config::OperatorConfig;
-use crate::config::resolved::Resolved;
-use crate::kind::{KeyProblems, Node, OperatorKind, Role, Settings};
-use crate::schedule::{self, Schedule};
-use crate::setup::Setup;
+use swerve_flow::{GraphInfo, Payload, PayloadType};
 use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::{did_you_mean, nearest};
 
+use crate::base;
+use crate::config::OperatorConfig;
+use crate::config::resolved::Resolved;
+use crate::kind::{Node, OperatorKind, Role, Settings};
+use crate::ladder::Schedule;
+use crate::problems::{KeyProblems, one_of};
+use crate::schedule;
+use crate::setup::Setup;
+use crate::site::first_stream;
+
+pub use crate::site::{Edge, Input, Output, Placed};
 pub use additions::Redirected;
-pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
-pub(crate) use settings::{give_sections, view};
 
 /// The operators of a pipeline, in the order of its graph.
 #[derive(Clone)]
@@ -32,68 +36,6 @@ pub struct Assembly {
     operators: Vec<Placed>,
     /// All operators possible under these or other settings, with the nodes of known kinds.
     known: Vec<(String, Option<Node>)>,
-}
-
-/// One operator of a pipeline.
-#[derive(Clone)]
-pub struct Placed {
-    /// Name.
-    pub name: String,
-    /// Kind.
-    pub kind: Arc<dyn OperatorKind>,
-    /// Its `[operator.NAME]` table, including the pipeline's own text.
-    pub own: OperatorConfig,
-    /// Inputs, by port.
-    pub inputs: Vec<Input>,
-    /// Outputs.
-    pub outputs: Vec<Output>,
-    /// The configuration as changed by the operator's own keys; `None` if they change nothing.
-    setup: Option<Arc<Setup>>,
-    /// Resolved settings of that configuration.
-    pub resolved: Arc<Resolved>,
-    pub(crate) schedule: Schedule,
-    offered: Arc<[PayloadType]>,
-}
-
-/// An input port and the streams that feed it; a timer has none.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Input {
-    /// The port.
-    pub port: PortInfo,
-    /// Streams that it reads.
-    pub from: Vec<Edge>,
-}
-
-/// A stream as a port reads it.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Edge {
-    /// Name of the stream.
-    pub stream: String,
-    /// True for a feedback edge.
-    pub feedback: bool,
-    /// True if the stream is read before faults are injected.
-    pub raw: bool,
-}
-
-/// A stream that an operator publishes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Output {
-    /// Name: the operator's, or `operator.port` for an operator with several outputs.
-    pub stream: String,
-    /// The port.
-    pub port: OutputInfo,
-    /// True if nothing is published on it under these settings.
-    pub silent: bool,
-    /// Reason that the stream never carries data; `None` if it does.
-    pub empty: Option<String>,
-}
-
-impl Placed {
-    /// The operator's view of the configuration.
-    pub fn settings<'a>(&'a self, setup: &'a Setup) -> Settings<'a> {
-        let setup = self.setup.as_deref().unwrap_or(setup);
-        Settings { name: &self.name, setup, offered: &self.offered }
-    }
 }
 
 impl Assembly {
@@ -180,8 +122,7 @@ impl Assembly {
 
     /// The first stream of messages of this type, with the operator that publishes it.
     pub(crate) fn first_stream<T: Payload>(&self) -> Option<(&Placed, &Output)> {
-        let payload = PayloadType::of::<T>();
-        self.streams().find(|(_, output)| output.port.payload == payload)
+        first_stream::<T>(&self.operators)
     }
 
     /// Stream of images that an operator detects boxes or traffic lights in; `None` for other operators.
@@ -337,16 +278,6 @@ fn unknown_kind(setup: &Setup, kind: &str) -> String {
         }
     };
     format!("unknown kind `{kind}`{own}{}", one_of(kind, &names))
-}
-
-/// End of an error message about an unknown name.
-pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
-    let near = did_you_mean(name, names.iter().copied());
-    if names.is_empty() {
-        ", and there is none".to_owned()
-    } else {
-        format!(", expected one of {}{near}", names.join(", "))
-    }
 }
 
 #[cfg(test)]

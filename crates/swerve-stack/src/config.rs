@@ -3,11 +3,13 @@
 //! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and angles
 //! degrees (their names have the unit); resolving converts them.
 
+mod any_table;
 pub mod camera;
 pub mod camera_detectors;
 pub mod car;
 mod check;
 pub mod clock;
+mod control;
 pub mod detectors;
 pub mod execution;
 pub mod gate;
@@ -19,33 +21,38 @@ pub mod monitor;
 pub(crate) mod old_names;
 mod operator;
 pub mod perception;
-pub(crate) mod planner;
 mod planning;
 mod prediction;
 mod predictor_weights;
 pub mod process;
 pub mod programs;
-mod read;
 pub mod resolved;
 pub mod ros2;
+mod sensing;
 pub mod sensors;
 pub mod source;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_control::{Controller, Following};
-use swerve_core::Ranges;
-use swerve_localization::flat::Origin;
+use swerve_control::safety_gate::GateParams;
+use swerve_core::{Ranges, Span};
+use swerve_perception::detector::Sensing;
 use swerve_pylot::Preset;
-use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
-use swerve_text::KeyProblem;
+use swerve_ros2::env::Network;
+use swerve_ros2::mapping::Mapping;
+use swerve_sim::sense::SensorTiming;
+use swerve_text::{KeyProblem, overridden};
 use swerve_vehicle::VehicleParams;
 
+pub use crate::planners::Fineness;
+pub(crate) use any_table::AnyTable;
 use camera::{CameraConfig, RenderConfig};
 pub use car::Car;
 use clock::ClockConfig;
+pub use control::{BuiltInController, ControlConfig, ControllerName};
 use gate::GateConfig;
 use injection::FaultConfig;
 pub use live::LiveConfig;
@@ -55,20 +62,16 @@ use monitor::MonitorConfig;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig, RungConfig};
 use perception::PerceptionConfig;
-use planner::{problems_of_ranges, within};
-pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};
+pub use planning::{BuiltInPlanner, PlannerName, PlanningConfig, StartState};
 pub use prediction::{PredictionConfig, PredictorName};
 use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
+pub use sensing::{SensingConfig, Source};
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
-use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
-use crate::kind::KeyProblems;
-use crate::named::Name;
-use crate::registry::Registry;
-use crate::section::{AnySection, Section, of_config};
-use crate::setup::Setup;
+use crate::controllers::{NamedController as _, Pid, Stanley};
+use crate::problems::outside;
 
 /// A whole configuration: operators, their run times, and recording.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -175,41 +178,6 @@ impl Default for Config {
     }
 }
 
-/// Tables of the configuration that belong to kinds of operators.
-pub(crate) const SECTIONS: [&dyn AnySection; 11] = [
-    &SensingConfig::SECTION,
-    &CameraConfig::SECTION,
-    &RadarConfig::SECTION,
-    &LidarConfig::SECTION,
-    &MonitorConfig::SECTION,
-    &PerceptionConfig::SECTION,
-    &PredictionConfig::SECTION,
-    &PlanningConfig::SECTION,
-    &ControlConfig::SECTION,
-    &GateConfig::SECTION,
-    &ExecutionConfig::SECTION,
-];
-
-/// A table whose keys depend on other keys, in schemas.
-pub(crate) type AnyTable = BTreeMap<String, AnyValue>;
-
-/// Any value, in schemas.
-pub(crate) struct AnyValue;
-
-impl JsonSchema for AnyValue {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "AnyValue".into()
-    }
-
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        true.into()
-    }
-}
-
 /// The ego vehicle in the scenario.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
@@ -239,189 +207,6 @@ pub struct SimConfig {
 impl Default for SimConfig {
     fn default() -> Self {
         Self { dt_ms: 5.0, draws: true, car: Car::default(), vehicle: VehicleParams::default() }
-    }
-}
-
-/// Source of the obstacle sensor's objects.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Source {
-    /// Simulator state limited by range, field of view and occlusion.
-    Truth,
-    /// Simulator state limited by range and field of view only.
-    TruthUnoccluded,
-}
-
-/// The sensors.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
-#[serde(deny_unknown_fields, default)]
-pub struct SensingConfig {
-    /// Source of the obstacle sensor's objects.
-    pub source: Source,
-    /// Period of the obstacle sensor, ms.
-    #[schemars(range(min = 1.0, max = 10_000.0))]
-    pub period_ms: f64,
-    /// Range of the obstacle sensor from the ego's centre, m.
-    #[schemars(range(min = 0.1, max = 10_000.0))]
-    pub range_m: f64,
-    /// Field of view of the obstacle sensor, degrees, symmetric around straight ahead.
-    #[schemars(range(min = 1.0, max = 360.0))]
-    pub fov_deg: f64,
-    /// Range of the obstacle sensor for people, m; `range_m` when absent.
-    #[schemars(range(min = 0.1, max = 10_000.0))]
-    pub range_person_m: Option<f64>,
-    /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up, when absent.
-    #[ranges(nested)]
-    pub mount: Option<SensorMount>,
-    /// Detects traffic lights of the scenario as the obstacle sensor detects actors, and stops at red ones; an operator
-    /// of the kind `traffic_lights` replaces the sensor, one of the kind `stop_lines` turns both off. When absent with
-    /// the planning preset `best`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub traffic_lights: Option<bool>,
-    /// Period of the pose sensor, ms.
-    #[schemars(range(min = 1.0, max = 10_000.0))]
-    pub pose_period_ms: f64,
-    /// Period of the inertial sensor, ms.
-    #[schemars(range(min = 1.0, max = 10_000.0))]
-    pub imu_period_ms: f64,
-    /// Period of the satellite receiver, ms.
-    #[schemars(range(min = 1.0, max = 10_000.0))]
-    pub gnss_period_ms: f64,
-    /// Period of the wheel odometry, ms.
-    #[schemars(range(min = 1.0, max = 10_000.0))]
-    pub odometry_period_ms: f64,
-    /// Errors of the pose sensor.
-    #[ranges(nested)]
-    pub pose: PoseParams,
-    /// Errors of the inertial sensor.
-    #[ranges(nested)]
-    pub imu: ImuParams,
-    /// Errors of the satellite receiver.
-    #[ranges(nested)]
-    pub gnss: GnssParams,
-    /// Wheel encoders and their errors.
-    #[ranges(nested)]
-    pub odometry: WheelOdometryParams,
-}
-
-impl SensingConfig {
-    /// `[sensing]`.
-    pub const SECTION: Section<Self> = of_config!(sensing, Self::problems);
-
-    fn problems(&self, _: &Setup) -> KeyProblems {
-        problems_of_ranges(self)
-    }
-
-    /// Origin of the map, for satellite fixes.
-    pub fn map_origin(&self) -> Origin {
-        Origin {
-            latitude_deg: self.gnss.origin_latitude_deg,
-            longitude_deg: self.gnss.origin_longitude_deg,
-            altitude_m: self.gnss.origin_altitude_m,
-        }
-    }
-}
-
-impl Default for SensingConfig {
-    fn default() -> Self {
-        Self {
-            source: Source::Truth,
-            period_ms: 50.0,
-            range_m: 100.0,
-            fov_deg: 360.0,
-            range_person_m: None,
-            mount: None,
-            traffic_lights: None,
-            pose_period_ms: 10.0,
-            imu_period_ms: 10.0,
-            gnss_period_ms: 100.0,
-            odometry_period_ms: 20.0,
-            pose: PoseParams::default(),
-            imu: ImuParams::default(),
-            gnss: GnssParams::default(),
-            odometry: WheelOdometryParams::default(),
-        }
-    }
-}
-
-/// Name of a controller: a built-in one, or one that [`Registry::with_controller`] adds.
-pub type ControllerName = Name<BuiltInController>;
-
-/// Built-in controllers.
-#[derive(Clone, PartialEq, Debug, JsonSchema)]
-#[schemars(rename = "ControllerName", rename_all = "snake_case")]
-pub enum BuiltInController {
-    /// The paper's speed PID and steering towards a waypoint.
-    Pid,
-    /// Speed PID and pure pursuit.
-    PurePursuit,
-    /// Speed PID and the Stanley law.
-    Stanley,
-    /// Linear time-varying model predictive control.
-    Mpc,
-}
-
-impl Config {
-    /// Returns true if the simulated stack detects the traffic lights of a road and stops at red ones.
-    pub(crate) fn stops_at_lights(&self) -> bool {
-        self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
-    }
-
-    /// Name of the controller that follows the plans.
-    pub fn controller(&self) -> &str {
-        let usual = match self.planning.preset {
-            Preset::Paper => Pid::NAME,
-            Preset::Best => Stanley::NAME,
-        };
-        self.control.controller.as_ref().map_or(usual, ControllerName::as_str)
-    }
-}
-
-impl Setup {
-    /// Builds the controller, for the configured vehicle.
-    ///
-    /// # Errors
-    /// Problems by their keys in `control`.
-    pub(crate) fn built_controller(&self) -> Result<Box<dyn Controller>, Vec<KeyProblem>> {
-        let named = self.registry.controllers.named("controller", self.controller())?;
-        let following = self.control.following.unwrap_or_else(|| self.planning.preset.following());
-        let setup = ControllerSetup { vehicle: &self.sim.vehicle, following };
-        named.build(setup, &self.control.params).map_err(|found| within("params", found))
-    }
-}
-
-/// The controller.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
-#[serde(deny_unknown_fields, default)]
-pub struct ControlConfig {
-    /// Controller: `stanley` when absent, `pid` of the paper under the planning preset `paper`.
-    pub controller: Option<ControllerName>,
-    /// Parameters of a custom controller that differ from its defaults.
-    #[serde(skip_serializing_if = "toml::Table::is_empty")]
-    #[schemars(with = "crate::config::AnyTable")]
-    pub params: toml::Table,
-    /// Way to follow a plan; the planning preset's when absent.
-    pub following: Option<Following>,
-    /// Period of the controller, ms.
-    #[schemars(range(min = 1.0, max = 1000.0))]
-    pub period_ms: f64,
-}
-
-impl ControlConfig {
-    /// `[control]`.
-    pub const SECTION: Section<Self> = of_config!(control, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut found = problems_of_ranges(self);
-        found.extend(setup.built_controller().err().unwrap_or_default());
-        found.extend(setup.problem_of_pedals());
-        found
-    }
-}
-
-impl Default for ControlConfig {
-    fn default() -> Self {
-        Self { controller: None, params: toml::Table::new(), following: None, period_ms: 10.0 }
     }
 }
 
@@ -461,6 +246,103 @@ pub enum Images {
 }
 
 impl Config {
+    /// Returns true if the simulated stack detects the traffic lights of a road and stops at red ones.
+    pub(crate) fn stops_at_lights(&self) -> bool {
+        self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
+    }
+
+    /// Name of the controller that follows the plans.
+    pub fn controller(&self) -> &str {
+        let usual = match self.planning.preset {
+            Preset::Paper => Pid::NAME,
+            Preset::Best => Stanley::NAME,
+        };
+        self.control.controller.as_ref().map_or(usual, ControllerName::as_str)
+    }
+
+    /// Returns true if another stack drives, over ROS 2.
+    pub fn is_driven_over_ros2(&self) -> bool {
+        self.ego.driver == EgoDriver::Ros2
+    }
+
+    /// Topics of `[ros2]`, on the network that the environment names where the table does not.
+    ///
+    /// # Errors
+    /// An environment variable of ROS has an invalid value.
+    pub fn ros2_mapping(&self) -> anyhow::Result<Mapping> {
+        let network = Network::from_variables(|name| std::env::var(name).ok())?;
+        Ok(Mapping::from_table(&self.ros2, network)?)
+    }
+
+    /// Names of all monitors.
+    pub fn monitors(&self) -> impl Iterator<Item = &str> {
+        self.monitor.keys().map(String::as_str)
+    }
+
+    /// Names of the sensors with named tables, each with the name of the table.
+    pub(crate) fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));
+        let radars = self.radar.keys().map(|name| ("radar", name.as_str()));
+        let lidars = self.lidar.keys().map(|name| ("lidar", name.as_str()));
+        cameras.chain(radars).chain(lidars)
+    }
+
+    /// Names of all cameras, radars and lidars.
+    pub fn sensors(&self) -> impl Iterator<Item = &str> {
+        self.named_sensors().map(|(_, name)| name)
+    }
+
+    /// Times from exposure to the reader of a camera, radar or lidar, and the time between two steps of its operator.
+    pub fn sensor_timing(&self, name: &str) -> Option<(SensorTiming, Span)> {
+        let with = |timing, ms: f64| (timing, Span::from_secs(ms * 1e-3));
+        let camera = self.camera.get(name).map(|camera| with(camera.timing(), camera.period_ms));
+        let radar = || self.radar.get(name).map(|radar| with(radar.timing(), radar.period_ms()));
+        let lidar = || self.lidar.get(name).map(|lidar| with(lidar.timing(), self.sim.dt_ms));
+        camera.or_else(radar).or_else(lidar)
+    }
+
+    /// Camera of the emulated detector, if it has one.
+    pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
+        match (&self.perception.camera, sensing) {
+            (Some(name), _) => self.camera.get(name).cloned(),
+            (None, Sensing::Camera) => Some(CameraConfig::default()),
+            (None, Sensing::Lidar) => None,
+        }
+    }
+
+    /// Limits and times of the gate: the vehicle's, overridden by the configuration.
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key in `gate.params`.
+    pub(crate) fn gate_params(&self) -> Result<GateParams, Vec<KeyProblem>> {
+        let mut params = GateParams::new(&self.sim.vehicle);
+        if self.is_driven_over_ros2() {
+            // Another stack may repeat a command for as long as the road is straight.
+            params.repeat_max_s = 0.0;
+        }
+        let params: GateParams = overridden(&params, &self.gate.params)?;
+        params.validate().map_err(outside)?;
+        Ok(params)
+    }
+
+    /// Process that takes the steps of an operator; `None` for this one.
+    pub fn process_of(&self, operator: &str) -> Option<&str> {
+        let has = |process: &ProcessConfig| process.operators.iter().any(|name| name == operator);
+        self.process.iter().find(|(_, process)| has(process)).map(|(name, _)| name.as_str())
+    }
+
+    /// Files of programs and of a map, on which a result depends as on the configuration.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let programs = self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0));
+        programs.chain(self.localization.map.as_deref())
+    }
+
+    /// Faults on a stream, by name, in order.
+    pub fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
+        let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
+        named.filter(move |(_, fault)| fault.stream == stream)
+    }
+
     /// Name of this pipeline in scenarios: the planner, prefixed by `paper_` under that preset; `ros2` where another
     /// stack drives; the planner's kind for a custom one.
     pub fn pipeline_name(&self) -> String {
@@ -474,18 +356,11 @@ impl Config {
         Self::name_of(self.planning.planner.as_str(), self.planning.preset)
     }
 
-    fn name_of(planner: &str, preset: Preset) -> String {
+    pub(crate) fn name_of(planner: &str, preset: Preset) -> String {
         match preset {
             Preset::Paper => format!("paper_{planner}"),
             Preset::Best => planner.to_owned(),
         }
-    }
-
-    /// All values of [`pipeline_name`](Self::pipeline_name) for the built-in planners.
-    pub fn pipeline_names() -> impl Iterator<Item = String> {
-        let planners: Vec<&str> = Registry::standard().planners().collect();
-        let of = |preset| planners.iter().map(|planner| Self::name_of(planner, preset)).collect::<Vec<_>>();
-        [of(Preset::Best), of(Preset::Paper)].concat().into_iter()
     }
 
     /// The whole configuration including all defaults, as TOML.

@@ -2,15 +2,13 @@
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use swerve_control::{Controller, Following, Input, Law, LawController, Output, Params};
+use swerve_control::{Controller, Following, Input, Law, LawController, Output, Params, Pedals};
 use swerve_core::ParamError;
 use swerve_text::{KeyProblem, overridden};
-use swerve_vehicle::VehicleParams;
+use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
-use crate::config::planner::outside;
-use crate::kind::NoKeys;
-use crate::named::Of;
-use crate::operators;
+use crate::named::{NoKeys, Of};
+use crate::problems::outside;
 
 /// Vehicle and settings of `[control]` for a controller.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -103,6 +101,16 @@ impl<const LAW: usize> NamedController for ByLaw<LAW> {
 
     fn with_params(_: NoKeys, of: ControllerSetup<'_>) -> Result<Self, ParamError> {
         let params = Params { law: Self::OF.1, following: of.following, ..Params::default() };
-        Ok(Self(operators::controller(of.vehicle, params)))
+        Ok(Self(controller(of.vehicle, params)))
     }
+}
+
+/// A controller with the pedal map of `vehicle`.
+pub fn controller(vehicle: &VehicleParams, params: Params) -> LawController {
+    let of = vehicle.clone();
+    let pedals = move |accel_mps2: f64, speed_mps: f64| {
+        let pedals = pedals_for_accel(&of, speed_mps, accel_mps2);
+        Pedals { throttle: pedals.throttle, brake: pedals.brake }
+    };
+    LawController::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }

@@ -14,8 +14,8 @@ use swerve_vision::acf::Weights;
 
 use crate::config::camera_detectors::{run_time, weights};
 use crate::config::execution::Runtime;
-use crate::config::planner::{outside, within};
 use crate::named::Of;
+use crate::problems::{outside, within};
 
 /// Settings of an operator `camera_objects` for its detector.
 #[derive(Clone, Copy, PartialEq, Debug)]

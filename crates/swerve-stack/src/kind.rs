@@ -7,20 +7,19 @@ use core::marker::PhantomData;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use swerve_core::{Span, Time};
+use swerve_core::Span;
 use swerve_flow::{NamedInputs, NamedOutputs, Operator, OutputInfo, Payload, PayloadType, PortInfo, Timer};
 use swerve_flow::{RuntimeModel, every};
 use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
-use crate::schedule::Ladder;
+use crate::config::execution::span_of_ms;
+use crate::ladder::Ladder;
+use crate::problems::KeyProblems;
 use crate::section::{AnySection, Section};
 use crate::setup::Setup;
 use crate::site::Site;
-
-/// Problems of settings, by key.
-pub type KeyProblems = Vec<(String, String)>;
 
 /// Description of a kind of operator.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -74,6 +73,16 @@ pub enum Scheduled {
     Detector,
     /// The motion planner.
     Planner,
+}
+
+impl Scheduled {
+    /// Key of `[execution]` for the length.
+    pub(crate) const fn key(self) -> &'static str {
+        match self {
+            Self::Detector => "detector_ms",
+            Self::Planner => "planner_ms",
+        }
+    }
 }
 
 /// Clocks under which an operator's steps run on a worker thread.
@@ -241,16 +250,6 @@ impl Settings<'_> {
     }
 }
 
-/// Span of a time in milliseconds that is already checked.
-pub fn span_of_ms(ms: f64) -> Span {
-    Span::from_secs(ms * 1e-3)
-}
-
-/// The same as an instant of the run.
-pub fn time_of_ms(ms: f64) -> Time {
-    Time::ZERO + span_of_ms(ms)
-}
-
 /// Latency from the stamp of a sensor's message to its readers: run time of its operator, which therefore processes
 /// several frames at once. A run time in `[operator.NAME]` overrides it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -383,11 +382,6 @@ pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
         Ok(RuntimeModel::Zero)
     }
 }
-
-/// Keys of a kind without its own keys.
-#[derive(Default, Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NoKeys {}
 
 /// A [`Kind`] in a registry.
 pub(crate) struct Registered<K>(PhantomData<fn() -> K>);

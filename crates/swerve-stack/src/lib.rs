@@ -5,7 +5,9 @@
 //! inputs of each; a [`pipeline::Pipeline`] is the resulting graph.
 
 pub mod agent;
+mod algorithms;
 pub mod assembly;
+mod base;
 pub mod config;
 mod controllers;
 pub mod course;
@@ -13,35 +15,40 @@ mod detectors;
 pub mod faults;
 mod foreign;
 mod kind;
+mod ladder;
 mod localizers;
 mod named;
 mod operators;
 pub mod pipeline;
 mod planners;
 mod predictors;
+mod problems;
+mod read;
 mod registry;
 pub mod schedule;
 mod section;
+mod sections;
 mod setup;
 mod shot;
 mod site;
 mod stage;
+mod standard;
 pub mod street;
 mod trackers;
 
 pub use assembly::Assembly;
+pub use config::execution::{span_of_ms, time_of_ms};
+pub use config::localization::LidarPoses;
 pub use controllers::{ControllerSetup, NamedController};
 pub use detectors::{DetectorSetup, NamedDetector, NamedLidarDetector};
 pub use foreign::Foreign;
-pub use kind::{
-    Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
-    time_of_ms,
-};
-pub use localizers::{LidarPoses, NamedLocalizer};
-pub use named::Name;
+pub use kind::{Heavy, Kind, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings};
+pub use localizers::NamedLocalizer;
+pub use named::{Name, NoKeys};
 pub use operators::ObstacleSight;
 pub use planners::{NamedPlanner, PlannerDefaults};
 pub use predictors::{NamedPredictor, PredictorSetup};
+pub use problems::KeyProblems;
 pub use registry::Registry;
 pub use section::{AnySection, Section};
 pub use setup::Setup;

@@ -1,20 +1,13 @@
 //! Localizers that a configuration can name: built-in ones, and those of other crates.
 
+use std::sync::Arc;
+
 use swerve_flow::{NamedInputs as _, Operator};
 
-use crate::config::{OperatorConfig, Reads};
+use crate::config::localization::{LidarPoses, LocalizerOperators, TRUTH, WHEELS};
 use crate::kind::Kind;
-use crate::named::Of;
 use crate::operators::{Carried, Filter, PoseSensor};
-
-/// Poses of the ego by a lidar, which a localizer reads.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum LidarPoses {
-    /// Matches of sweeps with a map, by an operator `scan_matcher`.
-    Matches,
-    /// Lidar odometry without a map, by an operator `lidar_odometry`.
-    Odometry,
-}
+use crate::registry::Registry;
 
 /// A localizer that `localization.localizer` can name: an operator that publishes the ego's pose.
 ///
@@ -34,57 +27,15 @@ pub trait NamedLocalizer: 'static {
     type Operator: Kind;
 }
 
-/// A localizer's type, erased.
-pub(crate) trait AnyLocalizer: Send + Sync {
-    fn lidar(&self) -> Option<LidarPoses>;
-
-    fn starts_stored(&self) -> bool;
-
-    /// Operator that publishes the pose.
-    fn operator(&self) -> OperatorConfig;
-}
-
-impl<L: NamedLocalizer> AnyLocalizer for Of<L> {
-    fn lidar(&self) -> Option<LidarPoses> {
-        L::LIDAR
-    }
-
-    fn starts_stored(&self) -> bool {
-        L::STARTS_STORED
-    }
-
-    fn operator(&self) -> OperatorConfig {
+impl Registry {
+    /// Adds a localizer with its operator, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_localizer<L: NamedLocalizer>(mut self) -> Self {
         let ports = <<L::Operator as Operator>::In>::ports();
         let wheels = ports.iter().any(|port| port.name == WHEELS);
-        of_kind(L::Operator::NODE.kind, wheels)
-    }
-}
-
-impl LidarPoses {
-    /// Name of the operator, which is its kind.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Matches => "scan_matcher",
-            Self::Odometry => "lidar_odometry",
-        }
-    }
-
-    /// Operator with its name.
-    pub(crate) fn operator(self) -> (String, OperatorConfig) {
-        (self.name().to_owned(), of_kind(self.name(), true))
-    }
-}
-
-/// Port for wheel speeds, which are those of the sensor.
-const WHEELS: &str = "wheels";
-
-/// An operator of this kind.
-fn of_kind(kind: &str, wheels: bool) -> OperatorConfig {
-    let reads = wheels.then(|| (WHEELS.to_owned(), Reads::Stream("odometry".to_owned())));
-    OperatorConfig {
-        kind: Some(kind.to_owned()),
-        reads: reads.into_iter().collect(),
-        ..OperatorConfig::default()
+        let info = LocalizerOperators::new(L::Operator::NODE.kind, wheels, L::LIDAR, L::STARTS_STORED);
+        self.localizers.insert(L::NAME, Arc::new(info));
+        self.with::<L::Operator>()
     }
 }
 
@@ -92,7 +43,7 @@ fn of_kind(kind: &str, wheels: bool) -> OperatorConfig {
 pub(crate) enum Truth {}
 
 impl NamedLocalizer for Truth {
-    const NAME: &'static str = "truth";
+    const NAME: &'static str = TRUTH;
     type Operator = PoseSensor;
 }
 

@@ -8,6 +8,11 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use swerve_text::{KeyProblem, did_you_mean, list};
 
+/// Keys of a kind or parameters of an algorithm that has none.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoKeys {}
+
 /// Name of an algorithm: a built-in one, which the schema of `B` lists, or one that a [`Registry`](crate::Registry) adds.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(transparent, bound = "")]

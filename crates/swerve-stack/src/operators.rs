@@ -31,6 +31,7 @@ mod pose_trust;
 mod predictor;
 mod python;
 mod radar;
+mod receiver;
 mod relative;
 mod report;
 mod reported_odometry;
@@ -49,9 +50,7 @@ use swerve_msg::{
 
 use crate::registry::Registry;
 
-pub use controller::controller;
 pub(crate) use dead_reckoning::Carried;
-pub(crate) use lidar_objects::Objects as LidarOperator;
 pub(crate) use localizer::Filter;
 pub use obstacles::ObstacleSight;
 pub(crate) use pose::PoseSensor;

@@ -12,17 +12,18 @@ use swerve_text::in_one_line;
 use swerve_vehicle::VehicleParams;
 
 use crate::agent::Agent;
-use crate::assembly::{Assembly, Placed, on_road};
+use crate::assembly::{Assembly, Placed};
+use crate::base::on_road;
 use crate::config::clock::Clock;
-use crate::config::execution::{parse_policy, span_ms};
-use crate::kind::{Heavy, KeyProblems, Node, span_of_ms};
+use crate::config::execution::{parse_policy, span_ms, span_of_ms};
+use crate::kind::{Heavy, Node};
 use crate::operators::deadlines;
-use crate::schedule::OnRung;
+use crate::problems::KeyProblems;
 use crate::setup::Setup;
-use crate::site::{Building, Site, Surroundings};
+use crate::site::{Building, OnRung, Site, Surroundings};
 use crate::stage::{self, Rendered, SharedStage, StreamMemory};
 
-pub use crate::operators::controller;
+pub use crate::controllers::controller;
 
 /// A pipeline ready to run.
 pub struct Pipeline {
@@ -162,7 +163,14 @@ fn assemble(setup: &Setup, assembly: &Assembly, surroundings: &Surroundings) -> 
         .map(|(name, resource)| (name.as_str(), building.graph.resource(name, resource.slots)))
         .collect();
     for placed in assembly.operators() {
-        let mut site = Site { building: &mut building, assembly, placed, setup, surroundings, on_rung: None };
+        let mut site = Site {
+            building: &mut building,
+            operators: assembly.operators(),
+            placed,
+            setup,
+            surroundings,
+            on_rung: None,
+        };
         let wrong = |found: KeyProblems| anyhow!("operator.{}: {}", placed.name, in_one_line(&found));
         for rung in placed.schedule.rungs() {
             site.on_rung = rung.map(|rung| OnRung::new(placed, setup, rung)).transpose().map_err(wrong)?;

@@ -1,7 +1,8 @@
 //! Motion planners that a configuration can name: built-in ones, and those of other crates.
 
-use serde::Serialize;
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_planning::aeb::{self, Aeb};
 use swerve_planning::comfort::Manner;
@@ -13,9 +14,28 @@ use swerve_planning::{CollisionMode, Planner};
 use swerve_pylot::Preset;
 use swerve_text::{KeyProblem, overridden};
 
-use crate::config::Fineness;
-use crate::config::planner::outside;
 use crate::named::Of;
+use crate::problems::outside;
+
+/// A planner's discretisation.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Fineness {
+    /// Coarse.
+    Fast,
+    /// Fine.
+    Slow,
+}
+
+impl Fineness {
+    /// Name in files and tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Slow => "slow",
+        }
+    }
+}
 
 /// Settings of `[planning]` on which default parameters may depend.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -9,9 +9,8 @@ use swerve_prediction::{Ground, Horizon, Predictor, PredictorName, linear, predi
 use swerve_text::{KeyProblem, overridden};
 
 use crate::config::PredictionConfig;
-use crate::config::planner::outside;
-use crate::kind::NoKeys;
-use crate::named::Of;
+use crate::named::{NoKeys, Of};
+use crate::problems::outside;
 
 /// Settings of `[prediction]` for a predictor.
 #[derive(Clone, Copy, Debug)]

@@ -1,35 +1,25 @@
-//! Registry of operator kinds, of messages that faults can affect, and of views of messages.
+//! Registry of operator kinds, of algorithms, of messages that faults can affect, and of views of messages.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
 use swerve_msg::{Detections, RungTaken};
-use swerve_perception::{Ab3dMot, Tracker};
-use swerve_planning::aeb::Aeb;
-use swerve_planning::fot::Fot;
-use swerve_planning::hybrid_astar::HybridAstar;
-use swerve_planning::rrt_star::RrtStar;
-use swerve_planning::waypoint::Waypoint;
-use swerve_prediction::PredictorName;
-use swerve_vision::shipped;
 
 use crate::config::Config;
+use crate::config::localization::LocalizerOperators;
 use crate::config::perception::CUSTOM;
-use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
-use crate::detectors::{AnyDetector, ByWeights, NamedDetector, NamedLidarDetector};
+use crate::controllers::{AnyController, NamedController};
+use crate::detectors::{AnyDetector, NamedDetector};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
-use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odometry};
 use crate::named::{Named, Of};
-use crate::operators::LidarOperator;
 use crate::planners::{AnyPlanner, NamedPlanner};
-use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
+use crate::predictors::{AnyPredictor, NamedPredictor};
 use crate::setup::Setup;
 use crate::trackers::{AnyTracker, NamedTracker};
-use crate::{localizers, operators};
 
 /// Operator kinds, algorithms, message types for faults, and views that configurations can use.
 #[derive(Clone)]
@@ -40,7 +30,7 @@ pub struct Registry {
     pub(crate) predictors: Named<dyn AnyPredictor>,
     pub(crate) detectors: Named<dyn AnyDetector>,
     pub(crate) trackers: Named<dyn AnyTracker>,
-    pub(crate) localizers: Named<dyn AnyLocalizer>,
+    pub(crate) localizers: Named<LocalizerOperators>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -49,52 +39,19 @@ pub struct Registry {
 type AddView = Arc<dyn Fn(Foxglove) -> Foxglove + Send + Sync>;
 
 impl Registry {
-    /// Registry of Swerve's own kinds.
-    pub fn standard() -> Self {
-        static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
-            let empty = Registry {
-                kinds: BTreeMap::new(),
-                planners: Named::default(),
-                controllers: Named::default(),
-                predictors: Named::default(),
-                detectors: Named::default(),
-                trackers: Named::default(),
-                localizers: Named::default(),
-                corruptible: Vec::new(),
-                views: Vec::new(),
-            };
-            operators::all(empty)
-                .with_shipped_detectors()
-                .with_planner::<Fot>()
-                .with_planner::<RrtStar>()
-                .with_planner::<HybridAstar>()
-                .with_planner::<Waypoint>()
-                .with_planner::<Aeb>()
-                .with_controller::<Pid>()
-                .with_controller::<PurePursuit>()
-                .with_controller::<Stanley>()
-                .with_controller::<Mpc>()
-                .with_predictor::<Linear>()
-                .with_predictor::<BuiltIn<{ PredictorName::ConstantVelocity as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Kalman as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Ctra as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Imm as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::SocialForce as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Orca as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::LaneIdm as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Multipath as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::Mfp as usize }>>()
-                .with_predictor::<BuiltIn<{ PredictorName::R2p2 as usize }>>()
-                .with_predictor::<Truth>()
-                .with_tracker::<Tracker>()
-                .with_tracker::<Ab3dMot>()
-                .with_localizer::<localizers::Truth>()
-                .with_localizer::<Eskf>()
-                .with_localizer::<Ndt>()
-                .with_localizer::<EskfNdt>()
-                .with_localizer::<Odometry>()
-        });
-        STANDARD.clone()
+    /// Registry without kinds and algorithms.
+    pub(crate) fn empty() -> Self {
+        Self {
+            kinds: BTreeMap::new(),
+            planners: Named::default(),
+            controllers: Named::default(),
+            predictors: Named::default(),
+            detectors: Named::default(),
+            trackers: Named::default(),
+            localizers: Named::default(),
+            corruptible: Vec::new(),
+            views: Vec::new(),
+        }
     }
 
     /// Adds an operator, in place of an existing one of the same name.
@@ -153,20 +110,6 @@ impl Registry {
         self
     }
 
-    /// Adds a lidar detector: a kind of operator with its name, in place of an existing one of the same name.
-    #[must_use]
-    pub fn with_lidar_detector<D: NamedLidarDetector>(self) -> Self {
-        self.with::<LidarOperator<D>>()
-    }
-
-    /// Adds the detectors whose weights are in the program.
-    fn with_shipped_detectors(mut self) -> Self {
-        for name in shipped::names() {
-            self.detectors.insert(name, Arc::new(ByWeights(name.into())));
-        }
-        self
-    }
-
     /// Names of all camera detectors, besides files of weights.
     pub fn detectors(&self) -> impl Iterator<Item = &'static str> {
         self.detectors.names()
@@ -182,13 +125,6 @@ impl Registry {
     /// Names of all trackers of boxes.
     pub fn trackers(&self) -> impl Iterator<Item = &'static str> {
         self.trackers.names()
-    }
-
-    /// Adds a localizer with its operator, or replaces the one of the same name.
-    #[must_use]
-    pub fn with_localizer<L: NamedLocalizer>(mut self) -> Self {
-        self.localizers.insert(L::NAME, Arc::new(Of::<L>::new()));
-        self.with::<L::Operator>()
     }
 
     /// Names of all localizers.
@@ -251,12 +187,6 @@ impl Registry {
     /// Fault injection for messages of this type, if supported.
     pub(crate) fn corruptible(&self, payload: PayloadType) -> Option<&CorruptibleType> {
         self.corruptible.iter().find(|one| one.payload == payload)
-    }
-}
-
-impl Default for Registry {
-    fn default() -> Self {
-        Self::standard()
     }
 }
 

@@ -11,48 +11,19 @@ use swerve_core::Span;
 use swerve_flow::{Every, OutputInfo, Port, PortInfo, PortMode};
 use swerve_msg::RungTaken;
 use swerve_text::number;
-use toml::{Table, Value};
+use toml::Value;
 
-use crate::assembly::{Placed, view};
-use crate::config::execution::span_ms;
+use crate::assembly::settings::view;
+use crate::config::execution::{span_ms, span_of_ms};
 use crate::config::model::Model;
-use crate::config::resolved::Resolved;
 use crate::config::{OperatorConfig, RungConfig};
-use crate::kind::{KeyProblems, OperatorKind, Scheduled, Settings, span_of_ms};
+use crate::kind::{OperatorKind, Scheduled, Settings};
+use crate::ladder::{RUNG, Schedule};
+use crate::problems::KeyProblems;
 use crate::setup::Setup;
+use crate::site::{OnRung, Placed};
 
-/// Rungs that the steps of an operator choose from: the finest one that meets the deadline, the fastest if none does.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Ladder {
-    /// The rungs, the fastest first. Without rungs the operator has the output for them, which stays silent.
-    pub rungs: Vec<Rung>,
-    /// True if they set the run time of a step.
-    pub sets_run_time: bool,
-}
-
-/// A variant of an operator.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Rung {
-    /// Name.
-    pub name: String,
-    /// Run time of a step.
-    pub run_time: Span,
-    /// Keys of its kind that differ from those of the operator.
-    pub keys: Table,
-}
-
-/// Schedule of an operator.
-#[derive(Clone, Default)]
-pub(crate) struct Schedule {
-    /// Period of its timer; `None` if it steps when its input arrives.
-    pub(crate) period: Option<Span>,
-    /// Constant deadline by `execution.model`.
-    pub(crate) deadline: Option<Span>,
-    pub(crate) ladder: Option<Ladder>,
-}
-
-/// Output for the rung that a step took.
-pub(crate) const RUNG: &str = "rung";
+pub use crate::ladder::{Ladder, Rung};
 
 /// Outputs of an operator, in the order of its ports.
 pub fn outputs(kind: &dyn OperatorKind, settings: &Settings<'_>) -> Vec<OutputInfo> {
@@ -112,20 +83,6 @@ impl Schedule {
             ladder,
         }
     }
-
-    /// Rungs to build the operator for; `None` for an operator without rungs.
-    pub(crate) fn rungs(&self) -> Vec<Option<&Rung>> {
-        let rungs = self.ladder.as_ref().map_or(&[][..], |ladder| &ladder.rungs);
-        if rungs.is_empty() { vec![None] } else { rungs.iter().map(Some).collect() }
-    }
-}
-
-/// Settings of an operator on a rung.
-pub(crate) struct OnRung {
-    pub(crate) setup: Setup,
-    pub(crate) resolved: Arc<Resolved>,
-    /// Run time of a step, if the rungs set it.
-    pub(crate) run_time: Option<Span>,
 }
 
 impl OnRung {

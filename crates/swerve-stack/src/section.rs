@@ -8,8 +8,7 @@ use swerve_text::{Guessed, Misread};
 use toml::{Table, Value};
 
 use crate::config::Config;
-use crate::config::planner::within;
-use crate::kind::KeyProblems;
+use crate::problems::{KeyProblems, within};
 use crate::setup::Setup;
 
 /// Settings of a kind of operator as a type: those of `[operator.NAME]`, on top of a table of the configuration if it

@@ -3,7 +3,7 @@
 use core::ops::{Deref, DerefMut};
 
 use crate::config::Config;
-use crate::config::programs::Consent;
+use crate::config::programs::{Consent, Layer, Refusal};
 use crate::course::Course;
 use crate::registry::Registry;
 
@@ -28,17 +28,26 @@ impl Setup {
         Self { config, registry: registry.clone(), course: None, consent: Consent::default() }
     }
 
+    /// Consents to all programs that it names, as requested by the user.
+    pub fn allow_programs(&mut self) {
+        self.consent = Consent::to_all(&self.config);
+    }
+
+    /// Consents to the programs named by the user's own texts; `layers` are all texts of the configuration, later ones
+    /// overriding earlier ones. A value that no layer has is refused.
+    pub fn trust(&mut self, layers: &[Layer]) {
+        self.consent = Consent::by_layers(&self.config, layers);
+    }
+
+    /// Reason to start no program for a process: the user has not consented to it.
+    pub fn refusal(&self, process: &str) -> Option<Refusal> {
+        self.consent.refusal(&self.config, process)
+    }
+
     /// The same setup with another configuration.
     #[must_use]
     pub fn with_config(&self, config: Config) -> Self {
         Self { config, ..self.clone() }
-    }
-}
-
-/// Setup with Swerve's own kinds.
-impl From<Config> for Setup {
-    fn from(config: Config) -> Self {
-        Self { config, ..Self::default() }
     }
 }
 

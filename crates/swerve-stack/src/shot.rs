@@ -133,16 +133,16 @@ pub(crate) struct Shot {
 impl Shot {
     /// Passes the frame to the threads of the run: to any of them where frames are drawn one by one, to the one that
     /// uses the adapter where there is one.
-    pub(crate) fn leave(self, stage: &SharedStage, workers: &Workers) {
-        let stage = stage.clone();
+    pub(crate) fn leave(self, stage: &SharedStage, shots: &Arc<Shots>, workers: &Workers) {
+        let (stage, shots) = (stage.clone(), shots.clone());
         if stage.draws_at_once() {
             workers.spawn(move || {
                 let shot = self.eye.shoot(&stage, &self.scene, self.stamp, &self.ego);
                 self.keep(shot);
             });
-        } else if stage.shots.add(self) {
+        } else if shots.add(self) {
             let others = workers.clone();
-            workers.spawn(move || stage.draw(|renderer| stage.shots.draw(renderer, &others)));
+            workers.spawn(move || stage.draw(|renderer| shots.draw(renderer, &others)));
         }
     }
 

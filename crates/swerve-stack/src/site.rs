@@ -1,25 +1,104 @@
-//! Access of a kind to the graph that it adds its operator to.
+//! Operators as assembled, and the access of a kind to the graph that it adds its operator to.
 
 use core::any::Any;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use swerve_core::Span;
 use swerve_flow::{
     AnyFeedback, AnyOperator, Feedback, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
-    Payload, PortInfo, Source, Taken, Timer, Wire,
+    Payload, PayloadType, PortInfo, Source, Taken, Timer, Wire,
 };
 use swerve_msg::{Route, RungTaken};
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
-use crate::assembly::{Assembly, Edge, Placed};
-use crate::config::Config;
 use crate::config::resolved::Resolved;
-use crate::kind::{Node, Settings};
-use crate::schedule::{Ladder, OnRung, RUNG, Schedule};
+use crate::config::{Config, OperatorConfig};
+use crate::kind::{Node, OperatorKind, Settings};
+use crate::ladder::{Ladder, RUNG, Schedule};
 use crate::setup::Setup;
+use crate::shot::Shots;
 use crate::stage::{SharedStage, StreamMemory};
+
+/// One operator of a pipeline.
+#[derive(Clone)]
+pub struct Placed {
+    /// Name.
+    pub name: String,
+    /// Kind.
+    pub kind: Arc<dyn OperatorKind>,
+    /// Its `[operator.NAME]` table, including the pipeline's own text.
+    pub own: OperatorConfig,
+    /// Inputs, by port.
+    pub inputs: Vec<Input>,
+    /// Outputs.
+    pub outputs: Vec<Output>,
+    /// The configuration as changed by the operator's own keys; `None` if they change nothing.
+    pub(crate) setup: Option<Arc<Setup>>,
+    /// Resolved settings of that configuration.
+    pub resolved: Arc<Resolved>,
+    pub(crate) schedule: Schedule,
+    pub(crate) offered: Arc<[PayloadType]>,
+}
+
+/// An input port and the streams that feed it; a timer has none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// The port.
+    pub port: PortInfo,
+    /// Streams that it reads.
+    pub from: Vec<Edge>,
+}
+
+/// A stream as a port reads it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Edge {
+    /// Name of the stream.
+    pub stream: String,
+    /// True for a feedback edge.
+    pub feedback: bool,
+    /// True if the stream is read before faults are injected.
+    pub raw: bool,
+}
+
+/// A stream that an operator publishes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// Name: the operator's, or `operator.port` for an operator with several outputs.
+    pub stream: String,
+    /// The port.
+    pub port: OutputInfo,
+    /// True if nothing is published on it under these settings.
+    pub silent: bool,
+    /// Reason that the stream never carries data; `None` if it does.
+    pub empty: Option<String>,
+}
+
+impl Placed {
+    /// The operator's view of the configuration.
+    pub fn settings<'a>(&'a self, setup: &'a Setup) -> Settings<'a> {
+        let setup = self.setup.as_deref().unwrap_or(setup);
+        Settings { name: &self.name, setup, offered: &self.offered }
+    }
+}
+
+/// The first stream of messages of this type, with the operator that publishes it.
+pub(crate) fn first_stream<T: Payload>(operators: &[Placed]) -> Option<(&Placed, &Output)> {
+    let streams =
+        operators.iter().flat_map(|placed| placed.outputs.iter().map(move |output| (placed, output)));
+    let payload = PayloadType::of::<T>();
+    streams.into_iter().find(|(_, output)| output.port.payload == payload)
+}
+
+/// Settings of an operator on a rung.
+pub(crate) struct OnRung {
+    pub(crate) setup: Setup,
+    pub(crate) resolved: Arc<Resolved>,
+    /// Run time of a step, if the rungs set it.
+    pub(crate) run_time: Option<Span>,
+}
 
 /// Scenario, route and vehicle that the operators of a drive are built for.
 pub struct Surroundings {
@@ -40,7 +119,7 @@ pub(crate) struct Building {
     /// Last fault of each stream with injected faults, by the name of the stream.
     pub(crate) last_fault: BTreeMap<String, String>,
     /// Feedback edges and the streams that they carry.
-    pub(crate) loops: Vec<(AnyFeedback, crate::assembly::Edge)>,
+    pub(crate) loops: Vec<(AnyFeedback, Edge)>,
     /// Memory of the images and point clouds of each stream.
     pub(crate) memory: BTreeMap<String, StreamMemory>,
     /// Operators of the ladder that is being added, by rung.
@@ -49,12 +128,15 @@ pub(crate) struct Building {
     pub(crate) sources: BTreeMap<String, Box<dyn Any + Send>>,
     /// Shared resources of cameras and lidars, if there are any.
     pub(crate) stage: Option<SharedStage>,
+    /// Frames of all cameras that wait for an adapter.
+    pub(crate) shots: Arc<Shots>,
 }
 
 /// One operator in a graph during assembly.
 pub struct Site<'a> {
     pub(crate) building: &'a mut Building,
-    pub(crate) assembly: &'a Assembly,
+    /// All operators of the pipeline, in the order of the graph.
+    pub(crate) operators: &'a [Placed],
     pub(crate) placed: &'a Placed,
     pub(crate) setup: &'a Setup,
     pub(crate) surroundings: &'a Surroundings,
@@ -212,6 +294,11 @@ impl Site<'_> {
         memory
     }
 
+    /// Frames of all cameras that wait for an adapter.
+    pub(crate) fn shots(&self) -> Arc<Shots> {
+        self.building.shots.clone()
+    }
+
     /// Shared resources of cameras and lidars.
     pub(crate) fn stage(&mut self) -> SharedStage {
         self.building.stage.get_or_insert_default().clone()
@@ -242,7 +329,7 @@ fn on_ladder<O>(
 fn feed(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,
-    loops: &mut Vec<(AnyFeedback, crate::assembly::Edge)>,
+    loops: &mut Vec<(AnyFeedback, Edge)>,
     (placed, port): (&Placed, &PortInfo),
     timer: Option<Timer>,
 ) -> anyhow::Result<Wire> {
@@ -266,9 +353,9 @@ fn feed(
 fn wire(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,
-    loops: &mut Vec<(AnyFeedback, crate::assembly::Edge)>,
+    loops: &mut Vec<(AnyFeedback, Edge)>,
     (operator, port): (&str, &PortInfo),
-    edge: &crate::assembly::Edge,
+    edge: &Edge,
 ) -> anyhow::Result<Wire> {
     if edge.feedback {
         let payload = port.payload.context("a timer closes no loop")?;

@@ -15,7 +15,6 @@ use swerve_vehicle::Shape;
 use crate::config::Config;
 use crate::config::camera::{RenderBackend, RenderConfig};
 use crate::config::clock::Clock;
-use crate::shot::Shots;
 use crate::street::Street;
 
 /// Shared resources of all cameras and lidars of a run: the visible world, and renderers and trees for images and rays.
@@ -27,7 +26,6 @@ use crate::street::Street;
 #[derive(Default)]
 pub(crate) struct Stage {
     set: OnceLock<Set>,
-    pub(crate) shots: Shots,
     lidars: Mutex<Lidars>,
 }
 

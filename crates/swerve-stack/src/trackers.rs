@@ -6,8 +6,8 @@ use swerve_core::ParamError;
 use swerve_perception::{Ab3dMot, GroundTracker, Tracker, ab3dmot, detector, tracker};
 use swerve_text::{KeyProblem, overridden};
 
-use crate::config::planner::outside;
 use crate::named::Of;
+use crate::problems::outside;
 
 /// Detector in front of a tracker, and settings of its tracks.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -6,9 +6,11 @@ use std::sync::Arc;
 use swerve_flow::{PayloadType, PortInfo};
 use swerve_text::is_within;
 
-use super::{Edge, Placed, base, one_of};
+use super::{Edge, Placed};
+use crate::base;
 use crate::config::Reads;
-use crate::kind::{KeyProblems, OperatorKind, Settings};
+use crate::kind::{OperatorKind, Settings};
+use crate::problems::{KeyProblems, one_of};
 use crate::setup::Setup;
 
 /// Links every operator to the streams that it reads, leaves out sensors without readers, and sorts the rest so that

@@ -2,16 +2,33 @@
 
 use std::collections::BTreeSet;
 
+use swerve_control::safety_gate::GateParams;
 use swerve_text::{Guessed, KeyProblem, unknown_key};
 use toml::Table;
 
-use super::base::entries;
+use crate::base::entries;
 use crate::config::old_names::with_present_name;
-use crate::config::planner::within;
 use crate::config::resolved::Resolved;
-use crate::kind::{KeyProblems, NoKeys, OperatorKind};
+use crate::kind::OperatorKind;
+use crate::named::NoKeys;
+use crate::problems::{KeyProblems, within};
 use crate::section::{AnySection, Section};
 use crate::setup::Setup;
+
+impl Resolved {
+    /// Resolves all settings. Defaults replace invalid ones.
+    pub fn new(config: &Setup) -> Self {
+        let gate = config.gate_params().unwrap_or_else(|_| GateParams::new(&config.sim.vehicle));
+        let deadlines = config.execution.deadline_params().unwrap_or_default();
+        let perception = &config.perception;
+        let detector = perception.emulated().unwrap_or_default();
+        let behind = config.noise_behind_detector();
+        let tracker = config.tracker_behind(&behind);
+        let tracker_hits_min = tracker.map_or(1, |tracker| tracker.hits_min());
+        let rules = config.planning.rules().unwrap_or_else(|_| config.planning.rules_of_era());
+        Self { gate, deadlines, detector, behind, tracker_hits_min, rules }
+    }
+}
 
 /// Keys of `[operator.NAME]` common to all operators, with their descriptions.
 pub const COMMON_KEYS: [(&str, &str); 10] = [
@@ -139,7 +156,8 @@ mod tests {
 
     use super::*;
     use crate::assembly::Assembly;
-    use crate::config::{OperatorConfig, SECTIONS};
+    use crate::config::OperatorConfig;
+    use crate::sections::SECTIONS;
 
     fn read(text: &str, sets: &[&str]) -> Result<Setup, String> {
         let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();

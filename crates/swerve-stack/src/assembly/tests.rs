@@ -9,7 +9,9 @@ use swerve_scenario::Scenario;
 use swerve_text::{Document, parse_assignment};
 
 use super::*;
-use crate::kind::{Kind, NoKeys, Node};
+use crate::base::pipeline_names;
+use crate::kind::{Kind, Node};
+use crate::named::NoKeys;
 use crate::pipeline::Pipeline;
 use crate::registry::Registry;
 use crate::site::Site;

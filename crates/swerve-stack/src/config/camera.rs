@@ -14,10 +14,7 @@ use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 
-use super::planner::{problem, problems_of_ranges};
-use crate::kind::KeyProblems;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
+use crate::problems::{problem, problems_of_ranges};
 
 /// Rendering of the world.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -208,9 +205,6 @@ impl Default for CameraConfig {
 const FOV_DEG: f64 = 90.0;
 
 impl CameraConfig {
-    /// `[camera.NAME]`.
-    pub const SECTION: Section<Self> = of_config!(camera.NAME, Self::problems);
-
     /// Camera with its noise keyed by `noise_seed`.
     pub fn camera(&self, noise_seed: u64) -> Result<Camera, ParamError> {
         let intrinsics = match (self.matrix, self.m_per_px) {
@@ -267,12 +261,8 @@ impl CameraConfig {
         SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling }
     }
 
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        self.faults(&setup.sim.vehicle.shape)
-    }
-
     /// Problems on a vehicle of this shape: keys below the camera's, and messages.
-    fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
+    pub(crate) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
         let mut faults = problems_of_ranges(self);
         let given = [
             ("fov_deg", self.fov_deg.is_some()),

@@ -17,7 +17,7 @@ pub enum Car {
 
 /// Fills in keys that `sim.vehicle` does not set from the car named by `sim.car`. Unknown names are left to the reader
 /// of the table.
-pub(super) fn fill_in(table: &mut Table) {
+pub(crate) fn fill_in(table: &mut Table) {
     let Some(sim) = table.get_mut("sim").and_then(Value::as_table_mut) else { return };
     if sim.get("car").and_then(Value::as_str) != Some("carla_mkz") {
         return;

@@ -4,8 +4,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 
-use super::Config;
-
 /// Clock of a run.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
@@ -40,17 +38,6 @@ impl Clock {
         match self {
             Self::Virtual => "virtual",
             Self::Wall => "wall",
-        }
-    }
-}
-
-impl Config {
-    pub(super) fn check_clock(&self, told: &mut Vec<(String, String)>) {
-        let pin = &self.clock.pin;
-        for (k, cpu) in pin.iter().enumerate() {
-            if pin[..k].contains(cpu) {
-                told.push((format!("clock.pin[{k}]"), format!("processor {cpu} is there twice")));
-            }
         }
     }
 }

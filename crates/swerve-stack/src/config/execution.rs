@@ -1,14 +1,12 @@
 //! Execution of operators, as TOML: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
 
+use crate::problems::problem;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Span;
 use swerve_core::param::{Ranges, require, require_within};
+use swerve_core::{Span, Time};
 use swerve_flow::{Anchor, Full, Late, Policy, Reaction, RuntimeModel};
 use swerve_text::{KeyProblem, number};
-
-use super::planner::problem;
-use crate::kind::span_of_ms;
 
 /// A run-time model: exactly one of its keys.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -62,7 +60,7 @@ pub struct WorkTime {
 const LEAST_MS: f64 = 0.001;
 
 /// Longest time in a configuration: a day.
-pub(super) const MS_MAX: f64 = 86_400_000.0;
+pub(crate) const MS_MAX: f64 = 86_400_000.0;
 
 /// Milliseconds as a span; refused when not finite, negative or longer than a day.
 pub fn span_ms(ms: f64) -> Result<Span, String> {
@@ -70,6 +68,16 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
         return Ok(Span::from_secs(ms * 1e-3));
     }
     Err(format!("expected 0 to {MS_MAX}, found {}", number(ms)))
+}
+
+/// Span of a time in milliseconds that is already checked.
+pub fn span_of_ms(ms: f64) -> Span {
+    Span::from_secs(ms * 1e-3)
+}
+
+/// The same as an instant of the run.
+pub fn time_of_ms(ms: f64) -> Time {
+    Time::ZERO + span_of_ms(ms)
 }
 
 impl Runtime {

@@ -4,13 +4,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Ranges;
-use swerve_text::{KeyProblem, overridden};
-
-use super::Config;
-use super::planner::{outside, problems_of_ranges, within};
-use crate::kind::KeyProblems;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
 
 /// The safety gate between the controller and the vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -36,23 +29,6 @@ pub struct GateConfig {
     pub params: toml::Table,
 }
 
-impl GateConfig {
-    /// `[gate]`.
-    pub const SECTION: Section<Self> = of_config!(gate, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut found = problems_of_ranges(self);
-        if let Some(release_at_ms) = self.release_at_ms.filter(|ms| *ms < self.enable_at_ms) {
-            let (low, release) = (self.enable_at_ms, swerve_text::number(release_at_ms));
-            let message =
-                format!("expected an instant not before `enable_at_ms`, which is {low}, found {release}");
-            found.push(("release_at_ms".into(), message));
-        }
-        found.extend(within("params", setup.gate_params().err().unwrap_or_default()));
-        found
-    }
-}
-
 impl Default for GateConfig {
     fn default() -> Self {
         Self {
@@ -66,27 +42,12 @@ impl Default for GateConfig {
     }
 }
 
-impl Config {
-    /// Limits and times of the gate: the vehicle's, overridden by the configuration.
-    ///
-    /// # Errors
-    /// Problems of the parameters, each by its key in `gate.params`.
-    pub(super) fn gate_params(&self) -> Result<GateParams, Vec<KeyProblem>> {
-        let mut params = GateParams::new(&self.sim.vehicle);
-        if self.is_driven_over_ros2() {
-            // Another stack may repeat a command for as long as the road is straight.
-            params.repeat_max_s = 0.0;
-        }
-        let params: GateParams = overridden(&params, &self.gate.params)?;
-        params.validate().map_err(outside)?;
-        Ok(params)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use swerve_text::Document;
+
+    use crate::Setup;
+    use crate::config::Config;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();

@@ -5,12 +5,9 @@ use core::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
-use swerve_text::did_you_mean;
 
 use super::execution::MS_MAX;
-use crate::assembly::Assembly;
-use crate::kind::span_of_ms;
-use crate::setup::Setup;
+use crate::config::execution::span_of_ms;
 
 /// A fault on a stream: exactly one effect on its messages, and its time window.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -171,76 +168,11 @@ impl FaultConfig {
     }
 }
 
-impl Setup {
-    pub(super) fn check_faults(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
-        let streams = self.corruptible_streams(assembly);
-        for (name, fault) in &self.fault {
-            let key = |last: &str| format!("fault.{name}.{last}");
-            if name.is_empty() || assembly.names().any(|operator| operator == name) {
-                told.push((format!("fault.{name}"), "expected a name that no operator has".into()));
-            }
-            let stream = streams.iter().find(|(stream, _)| *stream == fault.stream);
-            if stream.is_none() {
-                let names: Vec<&str> = streams.iter().map(|(name, _)| name.as_str()).collect();
-                let near = did_you_mean(&fault.stream, names.iter().copied());
-                let wrong = match fault.stream.as_str() {
-                    "" => "is missing:".to_owned(),
-                    other => format!("unknown stream `{other}`,"),
-                };
-                let message = format!(
-                    "{wrong} expected one of {}{near}; sensors that only the log reads run where `log.sensors` names them",
-                    names.join(", ")
-                );
-                told.push((key("stream"), message));
-            }
-            if fault.check_ranges().is_err() {
-                continue;
-            }
-            let fits = |kind: FaultKind, carries: Carries| match kind {
-                FaultKind::Corrupt(Corruption::FlipBits(_)) => carries != Carries::Numbers,
-                FaultKind::Corrupt(Corruption::Nan) => carries != Carries::Levels,
-                _ => true,
-            };
-            match (fault.kind(), stream) {
-                (Err(("", message)), _) => told.push((format!("fault.{name}"), message)),
-                (Err((last, message)), _) => told.push((key(last), message)),
-                (Ok(kind), Some((_, carries))) if !fits(kind, *carries) => told.push((
-                    key(kind.name()),
-                    format!("`{}` carries {carries}: this fault does not apply to it", fault.stream),
-                )),
-                _ => {}
-            }
-            if let Err((last, message)) = fault.stamps() {
-                told.push((key(last), message));
-            }
-        }
-    }
-
-    /// Faults on a stream, by name, in order.
-    pub fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
-        let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
-        named.filter(move |(_, fault)| fault.stream == stream)
-    }
-
-    /// All streams that faults can affect, with their contents; the first stream of an operator has the operator's
-    /// name.
-    fn corruptible_streams(&self, assembly: &Assembly) -> Vec<(String, Carries)> {
-        let mut streams = Vec::new();
-        for (placed, output) in assembly.streams().filter(|(_, output)| !output.silent) {
-            let Some(corruptible) = self.registry.corruptible(output.port.payload) else { continue };
-            let is_first = placed.outputs.first().is_some_and(|first| first.stream == output.stream);
-            let by_operator = is_first && placed.kind.node().table_of_each().is_none();
-            let name = if by_operator { &placed.name } else { &output.stream };
-            streams.push((name.clone(), (corruptible.carries)(&output.port.name)));
-        }
-        streams
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use swerve_text::Document;
+
+    use crate::Setup;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();

@@ -4,11 +4,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ros2::convert::SteeringGear;
-use swerve_ros2::mapping::{Role, Vehicle};
-use swerve_text::{KeyProblem, list};
-
-use crate::controllers::AnyController;
-use crate::setup::Setup;
 
 /// A vehicle connected by ROS 2 topics.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -105,57 +100,11 @@ impl LiveConfig {
     }
 }
 
-impl Setup {
-    /// Problem of a controller of pedals for a vehicle, by its key in `control`.
-    pub(super) fn problem_of_pedals(&self) -> Option<KeyProblem> {
-        let controllers = &self.registry.controllers;
-        let accelerates = |name: &str| controllers.get(name).is_none_or(AnyController::accelerates);
-        if self.live.is_none() || accelerates(self.controller()) {
-            return None;
-        }
-        let names: Vec<&str> = controllers.names().filter(|name| accelerates(name)).collect();
-        let message = format!(
-            "expected one of {}: \"{}\" knows pedals only, and what goes to a vehicle is an acceleration",
-            list(&names),
-            self.controller()
-        );
-        Some(("controller".to_owned(), message))
-    }
-
-    pub(super) fn check_live(&self, told: &mut Vec<(String, String)>) {
-        let Some(live) = &self.live else { return };
-        let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
-        if live.route.is_empty() {
-            tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
-        }
-        // Problems of the table itself are reported by its own check.
-        let Ok(mapping) = self.ros2_mapping() else { return };
-        if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
-            let message =
-                "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
-            tell("live.enable", message.into());
-        }
-        if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {
-            tell("ros2.topics", "a vehicle that is to be driven needs the topic `odometry`".into());
-        }
-        for (table, name, role) in self
-            .camera
-            .keys()
-            .map(|name| ("camera", name, Role::Camera))
-            .chain(self.lidar.keys().map(|name| ("lidar", name, Role::Lidar)))
-        {
-            if mapping.topic(name).is_none_or(|topic| topic.role != role) {
-                let message = format!("no topic of `[ros2.topics]` with the role `{table}` has this name");
-                tell(&format!("{table}.{name}"), message);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use swerve_text::Document;
+
+    use crate::Setup;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text).unwrap();

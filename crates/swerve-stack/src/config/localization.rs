@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::OperatorConfig;
-use crate::localizers::{AnyLocalizer, LidarPoses, NamedLocalizer as _, Truth};
+use super::{OperatorConfig, Reads};
 use crate::named::Name;
-use crate::registry::Registry;
-use crate::setup::Setup;
 
-/// Name of a localizer: a built-in one, or one that [`Registry::with_localizer`] adds.
+/// Localizer name for the simulated or reported pose.
+pub(crate) const TRUTH: &str = "truth";
+
+/// Name of a localizer: a built-in one, or one that [`Registry::with_localizer`](crate::Registry::with_localizer) adds.
 pub type LocalizerName = Name<BuiltInLocalizer>;
 
 /// Built-in localizers.
@@ -28,6 +28,61 @@ pub enum BuiltInLocalizer {
     EskfNdt,
     /// Lidar odometry from the first satellite fix on, without a map.
     Odometry,
+}
+
+/// Poses of the ego by a lidar, which a localizer reads.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum LidarPoses {
+    /// Matches of sweeps with a map, by an operator `scan_matcher`.
+    Matches,
+    /// Lidar odometry without a map, by an operator `lidar_odometry`.
+    Odometry,
+}
+
+impl LidarPoses {
+    /// Name of the operator, which is its kind.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Matches => "scan_matcher",
+            Self::Odometry => "lidar_odometry",
+        }
+    }
+
+    /// Operator with its name.
+    pub(crate) fn operator(self) -> (String, OperatorConfig) {
+        (self.name().to_owned(), of_kind(self.name(), true))
+    }
+}
+
+/// Operators that a localizer adds to the pipeline, and the inputs that it requires.
+#[derive(Clone, Debug)]
+pub(crate) struct LocalizerOperators {
+    /// Poses by a lidar that it reads.
+    pub(crate) lidar: Option<LidarPoses>,
+    /// True if it starts from `localization.stored_pose`.
+    pub(crate) starts_stored: bool,
+    /// Operator that publishes the pose.
+    pub(crate) operator: OperatorConfig,
+}
+
+impl LocalizerOperators {
+    /// Localizer with an operator of this kind, which may have a port for wheel speeds.
+    pub(crate) fn new(kind: &str, wheels: bool, lidar: Option<LidarPoses>, starts_stored: bool) -> Self {
+        Self { lidar, starts_stored, operator: of_kind(kind, wheels) }
+    }
+}
+
+/// Port for wheel speeds, which are those of the sensor.
+pub(crate) const WHEELS: &str = "wheels";
+
+/// An operator of this kind.
+fn of_kind(kind: &str, wheels: bool) -> OperatorConfig {
+    let reads = wheels.then(|| (WHEELS.to_owned(), Reads::Stream("odometry".to_owned())));
+    OperatorConfig {
+        kind: Some(kind.to_owned()),
+        reads: reads.into_iter().collect(),
+        ..OperatorConfig::default()
+    }
 }
 
 /// Localization of the ego.
@@ -51,87 +106,24 @@ pub struct LocalizationConfig {
 
 impl Default for LocalizationConfig {
     fn default() -> Self {
-        Self { localizer: LocalizerName::new(Truth::NAME), map: None, stored_pose: None }
+        Self { localizer: LocalizerName::new(TRUTH), map: None, stored_pose: None }
     }
 }
 
 impl LocalizationConfig {
     /// Returns true if the pose is estimated from the ego's own sensors.
     pub fn estimates(&self) -> bool {
-        self.localizer.as_str() != Truth::NAME
+        self.localizer.as_str() != TRUTH
     }
 
     /// Returns true if the localizer replaces the pipeline's own operator of this name.
     pub(crate) fn replaces(&self, operator: &str) -> bool {
         self.estimates() && operator == "pose"
     }
-
-    /// Operators that estimate the pose, by name.
-    pub(crate) fn operators(&self, registry: &Registry) -> Vec<(String, OperatorConfig)> {
-        let named = self.named(registry).filter(|_| self.estimates());
-        let of = |named: &dyn AnyLocalizer| {
-            let lidar = named.lidar().map(LidarPoses::operator);
-            lidar.into_iter().chain([("localizer".to_owned(), named.operator())])
-        };
-        named.into_iter().flat_map(of).collect()
-    }
-
-    /// Returns true if a lidar is read.
-    pub fn reads_lidar(&self, registry: &Registry) -> bool {
-        self.named(registry).and_then(AnyLocalizer::lidar).is_some()
-    }
-
-    /// Returns true if sweeps are matched with a map.
-    fn reads_map(&self, registry: &Registry) -> bool {
-        self.named(registry).and_then(AnyLocalizer::lidar) == Some(LidarPoses::Matches)
-    }
-
-    /// The localizer, if its name is known.
-    fn named<'a>(&self, registry: &'a Registry) -> Option<&'a dyn AnyLocalizer> {
-        registry.localizers.get(self.localizer.as_str())
-    }
-}
-
-impl Setup {
-    pub(super) fn check_localization(&self, faults: &mut Vec<(String, String)>) {
-        if let Some(message) = self.registry.localizers.problem(self.localization.localizer.as_str()) {
-            faults.push(("localization.localizer".into(), message));
-        }
-        let reads_map = self.localization.reads_map(&self.registry);
-        if self.localization.estimates() && self.is_driven_over_ros2() {
-            let message = "expected \"truth\": a stack that drives over ROS 2 localizes itself";
-            faults.push(("localization.localizer".into(), message.into()));
-        }
-        if reads_map && self.localization.map.is_none() && self.live.is_some() {
-            let message = "is missing: expected a map of the road, as `swerve map build` writes it";
-            faults.push(("localization.map".into(), message.into()));
-        }
-        if self.localization.map.is_some() && !reads_map {
-            let message =
-                "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
-            faults.push(("localization.map".into(), message.into()));
-        }
-        self.check_stored_pose(faults);
-    }
-
-    fn check_stored_pose(&self, faults: &mut Vec<(String, String)>) {
-        let Some([place_m, heading_deg]) = self.localization.stored_pose else { return };
-        let mut fault = |message: String| faults.push(("localization.stored_pose".into(), message));
-        if !self.localization.named(&self.registry).is_some_and(AnyLocalizer::starts_stored) {
-            fault("is for `localization.localizer = \"eskf\"` or `\"eskf_ndt\"`, which start from it".into());
-        } else if self.live.is_some() {
-            fault("expected none: a vehicle starts from its first fix".into());
-        } else if !((0.001..=10.0).contains(&place_m) && (0.01..=30.0).contains(&heading_deg)) {
-            fault(format!(
-                "expected 0.001 to 10 m and 0.01 to 30 degrees, found {place_m} and {heading_deg}"
-            ));
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
-
     use crate::Setup;
     use crate::assembly::Assembly;
     use crate::config::tests::config;

@@ -12,14 +12,10 @@ use toml::Table;
 
 use super::detectors::{Published, find, published};
 use super::execution::span_ms;
-use super::perception::{CUSTOM, TRUTH};
-use super::planner::{outside, problems_of_ranges, within};
-use super::{Config, PlannerName};
-use crate::assembly::scheduled_operator;
-use crate::kind::{KeyProblems, Scheduled};
-use crate::schedule::Rung;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
+use super::perception::{CUSTOM, PerceptionConfig, TRUTH};
+use super::planning::{PlannerName, PlanningConfig};
+use crate::ladder::Rung;
+use crate::problems::outside;
 
 /// The four execution models compared by D3 (Gog et al., EuroSys 2022).
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -85,28 +81,86 @@ pub struct ExecutionConfig {
 }
 
 impl ExecutionConfig {
-    /// `[execution]`.
-    pub const SECTION: Section<Self> = of_config!(execution, Self::problems);
+    /// Parameters of the deadline policy.
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key in `execution.params`.
+    pub(crate) fn deadline_params(&self) -> Result<Params, Vec<KeyProblem>> {
+        let params: Params = overridden(&Params::default(), &self.params)?;
+        params.validate().map_err(outside)?;
+        Ok(params)
+    }
+}
 
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut found = problems_of_ranges(self);
-        let used = self.model.has_lengths();
-        let detects = scheduled_operator(setup, Scheduled::Detector).is_some();
-        let lengths =
-            [(Scheduled::Detector, self.detector_ms, detects), (Scheduled::Planner, self.planner_ms, true)];
-        for (scheduled, ms, runs) in lengths {
-            if ms.is_none() || used && runs {
-                continue;
-            }
-            let message = if runs || !used {
-                "only `periodic` and `static_deadlines` have use for it"
-            } else {
-                "there is no detector"
-            };
-            found.push((scheduled.key().to_owned(), message.to_owned()));
+impl PerceptionConfig {
+    /// Rungs of the emulated detector, the fastest first; empty without a ladder.
+    ///
+    /// # Errors
+    /// The problem of `perception.ladder`.
+    pub(crate) fn rungs(&self) -> Result<Vec<Rung>, String> {
+        let name = self.detector.as_str();
+        if !self.ladder {
+            return Ok(Vec::new());
         }
-        found.extend(within("params", setup.deadline_params().err().unwrap_or_default()));
-        found
+        let (Some(top), Some((_, suffix))) = (find(name), name.split_once('@')) else {
+            return match name {
+                TRUTH | CUSTOM => Err(format!("`{name}` is on no ladder; name a published detector")),
+                _ => Ok(Vec::new()),
+            };
+        };
+        let on_it = |d: &&Published| {
+            let same = d.name.split_once('@').is_some_and(|(_, other)| other == suffix);
+            same && d.ms <= top.ms && d.sensing == top.sensing
+        };
+        let rung = |rung: &Published| {
+            let keys = Table::from_iter([
+                ("detector".to_owned(), rung.name.clone().into()),
+                ("ladder".to_owned(), false.into()),
+            ]);
+            Ok(Rung { name: rung.name.clone(), run_time: span_ms(rung.ms)?, keys })
+        };
+        let mut rungs = published().iter().filter(on_it).map(rung).collect::<Result<Vec<_>, String>>()?;
+        rungs.sort_by_key(|rung| rung.run_time);
+        Ok(rungs)
+    }
+}
+
+impl PlanningConfig {
+    /// Rungs of the planner, the fastest first; empty without a ladder.
+    ///
+    /// # Errors
+    /// The key in `planning` and its problem.
+    pub(crate) fn rungs(&self) -> Result<Vec<Rung>, (&'static str, String)> {
+        let Some(name) = &self.ladder else {
+            return match self.rung_ms {
+                Some(_) => Err(("rung_ms", "needs a `ladder`".into())),
+                None => Ok(Vec::new()),
+            };
+        };
+        let names = || ladders().iter().map(|ladder| ladder.name.as_str());
+        let Some(ladder) = ladders().iter().find(|ladder| ladder.name == *name) else {
+            let near = did_you_mean(name, names());
+            let all = names().collect::<Vec<_>>().join(", ");
+            return Err(("ladder", format!("unknown ladder `{name}`, expected one of {all}{near}")));
+        };
+        if ladder.planner != self.planner {
+            let (is, not) = (ladder.planner.as_str(), self.planner.as_str());
+            return Err(("ladder", format!("`{name}` is one of `{is}`, not of `{not}`")));
+        }
+        let top_ms = self.rung_ms.unwrap_or(f64::INFINITY);
+        if self.rung_ms.is_some() && !ladder.rung.iter().any(|rung| rung.ms == top_ms) {
+            let all: Vec<String> = ladder.rung.iter().map(|rung| number(rung.ms)).collect();
+            let found = number(top_ms);
+            return Err(("rung_ms", format!("expected one of {}, found {found}", all.join(", "))));
+        }
+        let mut rungs = Vec::new();
+        for rung in ladder.rung.iter().filter(|rung| rung.ms <= top_ms) {
+            let keys = Table::from_iter([("params".to_owned(), rung.params.clone().into())]);
+            let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
+            rungs.push(Rung { name: rung.name.clone(), run_time, keys });
+        }
+        rungs.sort_by_key(|rung| rung.run_time);
+        Ok(rungs)
     }
 }
 
@@ -141,90 +195,9 @@ fn ladders() -> &'static [Ladder] {
     &ALL
 }
 
-impl Config {
-    /// Rungs of the emulated detector, the fastest first; empty without a ladder.
-    ///
-    /// # Errors
-    /// The problem of `perception.ladder`.
-    pub(crate) fn detector_rungs(&self) -> Result<Vec<Rung>, String> {
-        let name = self.perception.detector.as_str();
-        if !self.perception.ladder {
-            return Ok(Vec::new());
-        }
-        let (Some(top), Some((_, suffix))) = (find(name), name.split_once('@')) else {
-            return match name {
-                TRUTH | CUSTOM => Err(format!("`{name}` is on no ladder; name a published detector")),
-                _ => Ok(Vec::new()),
-            };
-        };
-        let on_it = |d: &&Published| {
-            let same = d.name.split_once('@').is_some_and(|(_, other)| other == suffix);
-            same && d.ms <= top.ms && d.sensing == top.sensing
-        };
-        let rung = |rung: &Published| {
-            let keys = Table::from_iter([
-                ("detector".to_owned(), rung.name.clone().into()),
-                ("ladder".to_owned(), false.into()),
-            ]);
-            Ok(Rung { name: rung.name.clone(), run_time: span_ms(rung.ms)?, keys })
-        };
-        let mut rungs = published().iter().filter(on_it).map(rung).collect::<Result<Vec<_>, String>>()?;
-        rungs.sort_by_key(|rung| rung.run_time);
-        Ok(rungs)
-    }
-
-    /// Rungs of the planner, the fastest first; empty without a ladder.
-    ///
-    /// # Errors
-    /// The key in `planning` and its problem.
-    pub(crate) fn planner_rungs(&self) -> Result<Vec<Rung>, (&'static str, String)> {
-        let planning = &self.planning;
-        let Some(name) = &planning.ladder else {
-            return match planning.rung_ms {
-                Some(_) => Err(("rung_ms", "needs a `ladder`".into())),
-                None => Ok(Vec::new()),
-            };
-        };
-        let names = || ladders().iter().map(|ladder| ladder.name.as_str());
-        let Some(ladder) = ladders().iter().find(|ladder| ladder.name == *name) else {
-            let near = did_you_mean(name, names());
-            let all = names().collect::<Vec<_>>().join(", ");
-            return Err(("ladder", format!("unknown ladder `{name}`, expected one of {all}{near}")));
-        };
-        if ladder.planner != planning.planner {
-            let (is, not) = (ladder.planner.as_str(), planning.planner.as_str());
-            return Err(("ladder", format!("`{name}` is one of `{is}`, not of `{not}`")));
-        }
-        let top_ms = planning.rung_ms.unwrap_or(f64::INFINITY);
-        if planning.rung_ms.is_some() && !ladder.rung.iter().any(|rung| rung.ms == top_ms) {
-            let all: Vec<String> = ladder.rung.iter().map(|rung| number(rung.ms)).collect();
-            let found = number(top_ms);
-            return Err(("rung_ms", format!("expected one of {}, found {found}", all.join(", "))));
-        }
-        let mut rungs = Vec::new();
-        for rung in ladder.rung.iter().filter(|rung| rung.ms <= top_ms) {
-            let keys = Table::from_iter([("params".to_owned(), rung.params.clone().into())]);
-            let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
-            rungs.push(Rung { name: rung.name.clone(), run_time, keys });
-        }
-        rungs.sort_by_key(|rung| rung.run_time);
-        Ok(rungs)
-    }
-
-    /// Parameters of the deadline policy.
-    ///
-    /// # Errors
-    /// Problems of the parameters, each by its key in `execution.params`.
-    pub(super) fn deadline_params(&self) -> Result<Params, Vec<KeyProblem>> {
-        let params: Params = overridden(&Params::default(), &self.execution.params)?;
-        params.validate().map_err(outside)?;
-        Ok(params)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::Setup;
     use crate::assembly::Assembly;
     use swerve_core::Span;
     use swerve_text::{Document, parse_assignment};
@@ -247,14 +220,14 @@ mod tests {
     fn ladder_ends_at_the_named_rung() {
         let ms = |rungs: Vec<Span>| rungs.iter().map(|span| span.as_ms()).collect::<Vec<_>>();
         let config = on_ladders(&["planning.rung_ms=148"]).unwrap();
-        let detectors = config.detector_rungs().unwrap();
+        let detectors = config.perception.rungs().unwrap();
         assert_eq!(ms(detectors.iter().map(|r| r.run_time).collect()), [20.0, 50.0, 80.0, 150.0]);
         assert!(detectors.iter().all(|rung| rung.keys["detector"].as_str() == Some(&rung.name)));
-        let planners = config.planner_rungs().unwrap();
+        let planners = config.planning.rungs().unwrap();
         assert_eq!(ms(planners.iter().map(|r| r.run_time).collect()), [30.0, 40.0, 67.0, 148.0]);
         assert!(planners.iter().all(|rung| rung.keys["params"].is_table()));
-        assert!(Setup::default().detector_rungs().unwrap().is_empty());
-        assert!(Setup::default().planner_rungs().unwrap().is_empty());
+        assert!(Setup::default().perception.rungs().unwrap().is_empty());
+        assert!(Setup::default().planning.rungs().unwrap().is_empty());
     }
 
     /// Periods or deadlines of these operators, ms.

@@ -9,9 +9,7 @@ use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 
-use super::Config;
 use super::execution::{self, Deadline, Runtime};
-use super::planner::within;
 
 /// One operator: its kind, inputs and execution.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -148,36 +146,4 @@ pub struct ResourceConfig {
     /// Steps that may hold it at once.
     #[schemars(range(min = 1, max = 1_000_000))]
     pub slots: usize,
-}
-
-impl Config {
-    pub(super) fn check_operators(&self, faults: &mut Vec<(String, String)>) {
-        for (name, operator) in &self.operator {
-            let key = |last: &str| format!("operator.{name}.{last}");
-            if !is_plain_name(name) {
-                let message = "expected a name of letters, digits and underscores";
-                faults.push((format!("operator.{name}"), message.into()));
-            }
-            if let Some(Err(problem)) = operator.runtime.as_ref().map(Runtime::model_by_key) {
-                faults.extend(within(&key("runtime"), vec![problem]));
-            }
-            if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
-                faults.push((key("policy"), message));
-            }
-            for (k, rung) in operator.rungs.iter().enumerate() {
-                let problem = execution::span_ms(rung.ms).err();
-                faults.extend(problem.map(|message| (key(&format!("rungs.{k}.ms")), message)));
-            }
-            if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
-                let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
-                let message = match names.is_empty() {
-                    true => {
-                        format!("unknown resource `{resource}`: [resource.{resource}] slots = 1 makes it")
-                    }
-                    false => format!("unknown resource `{resource}`, expected one of {}", names.join(", ")),
-                };
-                faults.push((key("uses"), message));
-            }
-        }
-    }
 }

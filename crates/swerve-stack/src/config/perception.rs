@@ -4,19 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
-use swerve_perception::{GroundTracker, Tracker, tracker};
-use swerve_text::{KeyProblem, did_you_mean, list, overridden};
+use swerve_perception::tracker;
+use swerve_text::{KeyProblem, did_you_mean, overridden};
 
 use super::camera::CameraConfig;
 use super::detectors::{find, fits, published};
-use super::planner::{outside, within};
-use super::{Config, PlanningConfig};
-use crate::assembly::scheduled_operator;
-use crate::kind::{KeyProblems, Scheduled};
-use crate::registry::Registry;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
-use crate::trackers::{NamedTracker as _, TrackerSetup};
+use crate::problems::{outside, within};
 
 /// Detector name for no detector: obstacles as the sensor sees them.
 pub const TRUTH: &str = "truth";
@@ -72,24 +65,6 @@ pub struct Emulated {
 }
 
 impl PerceptionConfig {
-    /// `[perception]`.
-    pub const SECTION: Section<Self> = of_config!(perception, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut found = KeyProblems::new();
-        if let Some(name) = self.camera.as_ref().filter(|name| !setup.camera.contains_key(*name)) {
-            let names: Vec<&str> = setup.camera.keys().map(String::as_str).collect();
-            let near = did_you_mean(name, names.iter().copied());
-            let message = format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", "));
-            found.push(("camera".to_owned(), message));
-        }
-        found.extend(self.emulated().err().unwrap_or_default());
-        let tracker = setup.tracker_behind(&setup.noise_behind_detector());
-        found.extend(tracker.err().unwrap_or_default());
-        found.extend(setup.detector_rungs().err().map(|message| ("ladder".to_owned(), message)));
-        found
-    }
-
     /// Returns true if a detector is emulated.
     pub fn emulates(&self) -> bool {
         self.detector != TRUTH
@@ -120,64 +95,6 @@ impl PerceptionConfig {
         params.validate().map_err(|error| within("params", outside(error)))?;
         Ok(Some(Emulated { params, sensing, ms }))
     }
-
-    /// Builds the tracker behind a detector.
-    ///
-    /// # Errors
-    /// Problems by their keys in `perception`.
-    pub(crate) fn built_tracker(
-        &self,
-        registry: &Registry,
-        of: TrackerSetup<'_>,
-    ) -> Result<Box<dyn GroundTracker>, Vec<KeyProblem>> {
-        let mut own = self.tracker.clone();
-        let name = own.remove("algorithm").unwrap_or_else(|| Tracker::NAME.into());
-        let Some(name) = name.as_str() else {
-            let names: Vec<&str> = registry.trackers().collect();
-            let message = format!("expected one of {}, found {name}", list(&names));
-            return Err(vec![("tracker.algorithm".into(), message)]);
-        };
-        let named = registry.trackers.named("tracker.algorithm", name)?;
-        named.build(of, &own).map_err(|found| within("tracker", found))
-    }
-}
-
-impl Config {
-    /// Camera of the emulated detector, if it has one.
-    pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
-        match (&self.perception.camera, sensing) {
-            (Some(name), _) => self.camera.get(name).cloned(),
-            (None, Sensing::Camera) => Some(CameraConfig::default()),
-            (None, Sensing::Lidar) => None,
-        }
-    }
-}
-
-impl Setup {
-    /// Expected time from a sensor frame to its plan's first effect, ms: the sum of the detector's and the planner's.
-    pub fn expected_ms(&self) -> f64 {
-        let PlanningConfig { expected_ms, .. } = self.planning;
-        let detector_ms = scheduled_operator(self, Scheduled::Detector).flatten().unwrap_or(0.0);
-        expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
-    }
-
-    /// Errors of the detector in front of the tracker: without an emulated one, those of the emulation's defaults.
-    pub(super) fn noise_behind_detector(&self) -> detector::Params {
-        let emulated = self.perception.emulated().unwrap_or_default();
-        emulated.map_or_else(Default::default, |emulated| emulated.params)
-    }
-
-    /// Builds the tracker behind a detector with these errors.
-    ///
-    /// # Errors
-    /// Problems by their keys in `perception`.
-    pub(super) fn tracker_behind(
-        &self,
-        behind: &detector::Params,
-    ) -> Result<Box<dyn GroundTracker>, Vec<KeyProblem>> {
-        let of = TrackerSetup { behind, sightings_max: self.prediction.sightings() };
-        self.perception.built_tracker(&self.registry, of)
-    }
 }
 
 /// Camera model that boxes are drawn with; `None` if its parameters are invalid or its projection is orthographic.
@@ -204,11 +121,13 @@ fn unknown(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use swerve_perception::ab3dmot;
+    use swerve_perception::{Tracker, ab3dmot};
 
     use super::*;
-
+    use crate::Setup;
+    use crate::config::PlanningConfig;
     use crate::config::tests::config;
+    use crate::trackers::{NamedTracker as _, TrackerSetup};
 
     #[test]
     fn detector_name_sets_accuracy_and_run_time() {

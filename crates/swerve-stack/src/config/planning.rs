@@ -9,19 +9,14 @@ use swerve_core::Ranges;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
-use swerve_planning::{CollisionMode, Planner, comfort};
+use swerve_planning::{CollisionMode, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
-use swerve_text::KeyProblem;
+use swerve_text::{KeyProblem, overridden};
 
 use super::execution::Runtime;
-use super::planner::{self, problems_of_ranges, within};
-use crate::kind::KeyProblems;
 use crate::named::Name;
-use crate::planners::{AnyPlanner, NamedPlanner as _};
-use crate::registry::Registry;
-use crate::schedule::Rung;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
+use crate::planners::{Fineness, NamedPlanner as _};
+use crate::problems::{outside, within};
 
 /// Name of a motion planner: a built-in one, or one that [`Registry::with_planner`](crate::Registry::with_planner) adds.
 pub type PlannerName = Name<BuiltInPlanner>;
@@ -47,7 +42,7 @@ impl PlannerName {
     pub const FOT: Self = Self::new(Fot::NAME);
 
     /// Planner of the paper with this name.
-    pub(super) fn original(&self) -> Original {
+    pub(crate) fn original(&self) -> Original {
         match self.as_str() {
             Fot::NAME => Original::Fot,
             RrtStar::NAME => Original::RrtStar,
@@ -57,28 +52,8 @@ impl PlannerName {
     }
 
     /// True if the paper has a planner of this name.
-    pub(super) fn is_paper(&self) -> bool {
+    pub(crate) fn is_paper(&self) -> bool {
         self.original() != Original::Other
-    }
-}
-
-/// A planner's discretisation.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Fineness {
-    /// Coarse.
-    Fast,
-    /// Fine.
-    Slow,
-}
-
-impl Fineness {
-    /// Name in files and tables.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Slow => "slow",
-        }
     }
 }
 
@@ -199,90 +174,34 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
-    /// `[planning]`.
-    pub const SECTION: Section<Self> = of_config!(planning, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let registry = &setup.registry;
-        let mut found = problems_of_ranges(self);
-        if let Some([from_m, to_m]) = self.slow_by_sigma_m
-            && from_m > to_m
-        {
-            let message =
-                format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
-            found.push(("slow_by_sigma_m".into(), message));
-        }
-        for (planner, by_fineness) in &self.cost {
-            for (fineness, cost) in by_fineness {
-                let key = format!("cost.{}.{}", planner.as_str(), fineness.as_str());
-                found.extend(within(&key, cost.model_by_key().err().into_iter().collect()));
-            }
-        }
-        let rungs = setup.planner_rungs().unwrap_or_else(|(key, message)| {
-            found.push((key.to_owned(), message));
-            Vec::new()
-        });
-        found.extend(self.rules().err().unwrap_or_default());
-        found.extend(self.problems_of_names(registry));
-        let on_rung = |rung: &Rung| {
-            let mut params = self.params.clone();
-            params.extend(rung.keys["params"].as_table().cloned().unwrap_or_default());
-            params
-        };
-        let params = core::iter::once(self.params.clone()).chain(rungs.iter().map(on_rung));
-        let wrong = params.into_iter().find_map(|params| self.planner_with(registry, &params).err());
-        found.extend(within("params", wrong.unwrap_or_default()));
-        found
-    }
-
-    /// Planner of this configuration, with its parameters.
-    ///
-    /// # Errors
-    /// Problems of the parameters, each by its key in `planning.params`.
-    pub fn planner(&self, registry: &Registry) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-        self.planner_with(registry, &self.params)
-    }
-
-    /// As `planner`, with other parameters.
-    ///
-    /// # Errors
-    /// Problems of the parameters, each by its key.
-    pub fn planner_with(
-        &self,
-        registry: &Registry,
-        params: &toml::Table,
-    ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-        planner::planner(self, registry, params)
-    }
-
-    /// Problems of planners' names, each by its key in `planning`.
-    pub(super) fn problems_of_names(&self, registry: &Registry) -> Vec<KeyProblem> {
-        let named = self.cost.keys().map(|name| (format!("cost.{}", name.as_str()), name));
-        let named = core::iter::once(("planner".to_owned(), &self.planner)).chain(named);
-        let problem =
-            |(key, name): (String, &PlannerName)| Some((key, registry.planners.problem(name.as_str())?));
-        named.filter_map(problem).collect()
-    }
-
     /// Rules of the paper's preset for the chosen planner, or their problems, each by its key in `planning`.
     pub fn rules(&self) -> Result<Rules, Vec<KeyProblem>> {
-        planner::rules(self)
+        let rules: Rules =
+            overridden(&self.rules_of_era(), &self.rules).map_err(|found| within("rules", found))?;
+        if self.preset != Preset::Paper {
+            let only = "only the preset `paper` has one";
+            let era = self.era.map(|_| ("era".to_owned(), only.to_owned()));
+            let rule = self.rules.keys().next().map(|rule| (format!("rules.{rule}"), only.to_owned()));
+            let wrong: Vec<_> = era.into_iter().chain(rule).collect();
+            return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
+        }
+        let ours = matches!(self.collision(), CollisionMode::MayStop | CollisionMode::Risk);
+        if ours && self.planner.is_paper() {
+            let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
+            return Err(vec![("collision".into(), message)]);
+        }
+        rules.validate(self.planner.original()).map_err(|error| within("rules", outside(error)))?;
+        Ok(rules)
     }
 
     /// Rules of the era, without the configuration's changes.
-    pub(super) fn rules_of_era(&self) -> Rules {
+    pub(crate) fn rules_of_era(&self) -> Rules {
         Rules::of(self.era.unwrap_or_default(), self.planner.original())
     }
 
     /// Run time of the chosen planner and discretisation.
     pub fn cost_of_chosen(&self) -> Option<&Runtime> {
         self.cost.get(&self.planner)?.get(&self.discretisation)
-    }
-
-    /// Returns true if the planner has a comfortable layer.
-    pub fn has_comfort(&self, registry: &Registry) -> bool {
-        let by_default = || registry.planners.get(self.planner.as_str()).is_some_and(AnyPlanner::has_comfort);
-        self.comfort.enabled.unwrap_or_else(|| self.preset == Preset::Best && by_default())
     }
 
     /// Interpretation of predictions in collision checks.

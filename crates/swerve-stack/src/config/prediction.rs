@@ -3,20 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span};
-use swerve_prediction::learned::Weights;
-use swerve_prediction::{Horizon, Predictor};
+use swerve_prediction::Horizon;
 use swerve_pylot::Preset;
-use swerve_text::KeyProblem;
 
-use super::planner::{problems_of_ranges, within};
-use crate::kind::KeyProblems;
 use crate::named::Name;
-use crate::predictors::{AnyPredictor, Linear, NamedPredictor as _, PredictorSetup};
-use crate::registry::Registry;
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
 
-/// Name of a predictor: a built-in one, or one that [`Registry::with_predictor`] adds.
+/// Name of a predictor: a built-in one, or one that [`Registry::with_predictor`](crate::Registry::with_predictor) adds.
 pub type PredictorName = Name<swerve_prediction::PredictorName>;
 
 /// The predictor.
@@ -62,52 +54,25 @@ pub struct PredictionConfig {
     pub truth_noise_mps: f64,
 }
 
+/// Straight lines.
+const LINEAR: &str = swerve_prediction::PredictorName::Linear.name();
 /// Sightings kept for predictors with a longer past than a line needs: 3.2 s at 20 Hz.
 const LONG_PAST: usize = 64;
 /// Sightings kept to estimate braking: 0.6 s at 20 Hz.
 const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
-    /// `[prediction]`.
-    pub const SECTION: Section<Self> = of_config!(prediction, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut found = problems_of_ranges(self);
-        found.extend(self.file_weights().err().map(|message| ("weights".to_owned(), message)));
-        found.extend(self.built(&setup.registry, None).err().unwrap_or_default());
-        found
-    }
-
-    /// Returns true if road users that drive along the road are predicted along it.
-    pub(crate) fn follows_road(&self, registry: &Registry) -> bool {
-        let always = registry.predictors.get(self.predictor.as_str()).is_some_and(AnyPredictor::is_on_road);
-        always || self.along_road.unwrap_or(self.preset == Preset::Best)
-    }
-
     /// Predicted instants.
     pub fn horizon(&self) -> Horizon {
         let steps = (self.horizon_ms / self.step_ms).round() as usize;
         Horizon { steps, step: Span::from_secs(self.step_ms * 1e-3) }
     }
 
-    /// Builds the predictor, with weights from a file in place of the shipped ones.
-    ///
-    /// # Errors
-    /// Problems by their keys in `prediction`.
-    pub fn built(
-        &self,
-        registry: &Registry,
-        weights: Option<&Weights>,
-    ) -> Result<Box<dyn Predictor>, Vec<KeyProblem>> {
-        let named = registry.predictors.named("predictor", self.predictor.as_str())?;
-        named.build(PredictorSetup { config: self, weights }).map_err(|found| within("params", found))
-    }
-
     /// Sightings that tracks have to keep.
     pub fn sightings(&self) -> usize {
         match self.predictor.as_str() {
-            Linear::NAME if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
-            Linear::NAME => self.past_steps,
+            LINEAR if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
+            LINEAR => self.past_steps,
             _ => self.past_steps.max(LONG_PAST),
         }
     }
@@ -116,7 +81,7 @@ impl PredictionConfig {
 impl Default for PredictionConfig {
     fn default() -> Self {
         Self {
-            predictor: PredictorName::new(Linear::NAME),
+            predictor: PredictorName::new(LINEAR),
             params: toml::Table::new(),
             weights: None,
             preset: Preset::Best,

@@ -8,9 +8,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ipc::OnLoss;
 
-use super::Config;
 use super::operator::is_plain_name;
-use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -76,7 +74,7 @@ impl ProcessConfig {
     }
 
     /// Problems of its start, by key.
-    fn problems_of_start(&self) -> Vec<(&'static str, String)> {
+    pub(crate) fn problems_of_start(&self) -> Vec<(&'static str, String)> {
         let mut told = Vec::new();
         if self.start.first().is_some_and(String::is_empty) {
             told.push(("start[0]", "expected a program, found nothing".to_owned()));
@@ -112,95 +110,8 @@ impl ProcessConfig {
     }
 }
 
-impl Config {
-    /// Process that takes the steps of an operator; `None` for this one.
-    pub fn process_of(&self, operator: &str) -> Option<&str> {
-        let has = |process: &ProcessConfig| process.operators.iter().any(|name| name == operator);
-        self.process.iter().find(|(_, process)| has(process)).map(|(name, _)| name.as_str())
-    }
-
-    pub(super) fn check_processes(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
-        if let Some(name) = &self.shared_memory.name {
-            let plain = is_plain_name(name);
-            let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
-            if !plain || !begins || name.len() > 32 {
-                let message = "expected at most 32 letters, digits and underscores, a letter first";
-                told.push(("shared_memory.name".into(), message.into()));
-            }
-        }
-        let mut taken: Vec<(&str, &str)> = Vec::new();
-        for (name, process) in &self.process {
-            let plain = is_plain_name(name);
-            if !plain {
-                let message = "expected a name of letters, digits and underscores";
-                told.push((format!("process.{name}"), message.into()));
-            }
-            let of_start = process.problems_of_start();
-            told.extend(
-                of_start.into_iter().map(|(key, message)| (format!("process.{name}.{key}"), message)),
-            );
-            if process.operators.is_empty() {
-                let message = "expected at least one operator";
-                told.push((format!("process.{name}.operators"), message.into()));
-            }
-            for (k, operator) in process.operators.iter().enumerate() {
-                let key = format!("process.{name}.operators[{k}]");
-                if let Some((_, other)) = taken.iter().find(|(taken, _)| taken == operator) {
-                    told.push((key, format!("`{operator}` is in `[process.{other}]` already")));
-                    continue;
-                }
-                taken.push((operator, name));
-                if let Some(message) = cannot_move(assembly, operator) {
-                    told.push((key, message));
-                } else if is_elsewhere(assembly, operator)
-                    && process.python.is_none()
-                    && process.start.is_empty()
-                {
-                    let message =
-                        format!("`{operator}` is written in Python: expected `python = \"FILE.py:Class\"`");
-                    told.push((key, message));
-                }
-            }
-        }
-        self.check_elsewhere(assembly, told);
-    }
-
-    /// Checks that operators that need another process are in one.
-    fn check_elsewhere(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
-        let placed = assembly.operators().iter().filter(|placed| placed.kind.node().elsewhere);
-        for name in placed.map(|placed| &placed.name).filter(|name| self.process_of(name).is_none()) {
-            let message = format!(
-                "its steps are taken by a process: expected a table `[process.NAME]` with `operators = [\"{name}\"]` and `python = \"FILE.py:Class\"`"
-            );
-            told.push((format!("operator.{name}.kind"), message));
-        }
-    }
-
-    /// Processes that take steps in Python, or of operators that this program cannot run.
-    pub fn processes_elsewhere<'a>(
-        &'a self,
-        assembly: &'a Assembly,
-    ) -> impl Iterator<Item = (&'a String, &'a ProcessConfig)> {
-        let is_needed = |process: &ProcessConfig| {
-            process.python.is_some() || process.operators.iter().any(|name| is_elsewhere(assembly, name))
-        };
-        self.process.iter().filter(move |(_, process)| is_needed(process))
-    }
-
-    /// Files of programs and of a map, on which a result depends as on the configuration.
-    pub fn files(&self) -> impl Iterator<Item = &Path> {
-        let programs = self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0));
-        programs.chain(self.localization.map.as_deref())
-    }
-}
-
-/// Returns true if only another process can take the steps of an operator.
-fn is_elsewhere(assembly: &Assembly, operator: &str) -> bool {
-    assembly.operator(operator).is_some_and(|placed| placed.kind.node().elsewhere)
-}
-
 /// A configuration's table with absolute paths.
-pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::Table {
+pub(crate) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::Table {
     let processes = table.get_mut("process").and_then(toml::Value::as_table_mut);
     for (_, process) in processes.into_iter().flatten() {
         for key in ["python", "interpreter"] {
@@ -223,24 +134,6 @@ pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::T
 fn make_whole(path: &mut String, folder: &Path) {
     if let Ok(whole) = std::path::absolute(folder.join(&*path)) {
         *path = whole.to_string_lossy().into_owned();
-    }
-}
-
-/// Reason that an operator cannot be moved; `None` if it can.
-fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
-    let movable = assembly.operators().iter().map(|placed| placed.name.as_str());
-    let movable: Vec<&str> =
-        movable.filter(|name| assembly.node(name).is_some_and(|node| node.stays.is_none())).collect();
-    let Some(node) = assembly.node(operator) else {
-        return Some(format!("unknown operator `{operator}`{}", one_of(operator, &movable)));
-    };
-    let expected = movable.join(", ");
-    match node.stays {
-        Some(why) => {
-            Some(format!("`{operator}` stays in the coordinator, {why}; expected one of {expected}"))
-        }
-        None if assembly.has(operator) => None,
-        None => Some(format!("`{operator}` does not run under these settings; expected one of {expected}")),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Programs that a configuration starts, and the user's consent to them.
 //!
-//! A parsed configuration may start no program. Consent is given afterwards, by [`Setup::trust`] for the layers that
-//! the user vouches for, or by [`Setup::allow_programs`] for all of it.
+//! A parsed configuration may start no program. Consent is given afterwards, by [`Setup::trust`](crate::Setup::trust) for the
+//! layers that the user vouches for, or by [`Setup::allow_programs`](crate::Setup::allow_programs) for all of it.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -11,7 +11,6 @@ use swerve_text::{Document, set};
 
 use super::Config;
 use super::process::{ProcessConfig, with_whole_paths};
-use crate::setup::Setup;
 
 /// A program that a configuration starts.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -116,35 +115,35 @@ impl Config {
     }
 }
 
-impl Setup {
-    /// Consents to all programs that it names, as requested by the user.
-    pub fn allow_programs(&mut self) {
-        let all = self.process.iter().map(|(name, process)| (name.clone(), process.names()));
-        self.consent = Consent { allowed: all.collect(), refused: BTreeMap::new() };
+impl Consent {
+    /// Consent to all programs that a configuration names.
+    pub(crate) fn to_all(config: &Config) -> Self {
+        let all = config.process.iter().map(|(name, process)| (name.clone(), process.names()));
+        Self { allowed: all.collect(), refused: BTreeMap::new() }
     }
 
-    /// Consents to the programs named by the user's own texts; `layers` are all texts of the configuration, later ones
+    /// Consent to the programs named by the user's own texts; `layers` are all texts of the configuration, later ones
     /// overriding earlier ones. A value that no layer has is refused.
-    pub fn trust(&mut self, layers: &[Layer]) {
-        let mut consent = Consent::default();
-        for (name, process) in &self.process {
+    pub(crate) fn by_layers(config: &Config, layers: &[Layer]) -> Self {
+        let mut consent = Self::default();
+        for (name, process) in &config.process {
             let names = process.names();
             match names.iter().find_map(|(key, value)| refusal(layers, name, key, value)) {
                 Some(why) => consent.refused.insert(name.clone(), why),
                 None => consent.allowed.insert(name.clone(), names).map(|_| String::new()),
             };
         }
-        self.consent = consent;
+        consent
     }
 
     /// Reason to start no program for a process: the user has not consented to it.
-    pub fn refusal(&self, process: &str) -> Option<Refusal> {
-        let config = self.process.get(process)?;
+    pub(crate) fn refusal(&self, config: &Config, process: &str) -> Option<Refusal> {
+        let config = config.process.get(process)?;
         let program = config.program(process)?;
-        if self.consent.allowed.get(process) == Some(&config.names()) {
+        if self.allowed.get(process) == Some(&config.names()) {
             return None;
         }
-        let why = self.consent.refused.get(process).cloned();
+        let why = self.refused.get(process).cloned();
         let why = why.unwrap_or_else(|| format!("{}: {UNNAMED}", program.key));
         Some(Refusal { why, words: program.words })
     }
@@ -222,6 +221,7 @@ fn has(value: &toml::Value, path: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::setup::Setup;
 
     const FAR: &str = "[process.far]\noperators = [\"planner\"]\nstart = [\"ssh\", \"far\"]\n";
 

@@ -6,8 +6,6 @@ use swerve_planning::deadline;
 use swerve_pylot::Rules;
 
 use super::perception::Emulated;
-use crate::kind::Scheduled;
-use crate::setup::Setup;
 
 /// Resolved settings of a configuration. Operators are built from it and read no text.
 #[derive(Clone, Debug)]
@@ -24,29 +22,4 @@ pub struct Resolved {
     pub tracker_hits_min: usize,
     /// The rules of the paper's preset for the chosen planner.
     pub rules: Rules,
-}
-
-impl Resolved {
-    /// Resolves all settings. Defaults replace invalid ones.
-    pub fn new(config: &Setup) -> Self {
-        let gate = config.gate_params().unwrap_or_else(|_| GateParams::new(&config.sim.vehicle));
-        let deadlines = config.deadline_params().unwrap_or_default();
-        let perception = &config.perception;
-        let detector = perception.emulated().unwrap_or_default();
-        let behind = config.noise_behind_detector();
-        let tracker = config.tracker_behind(&behind);
-        let tracker_hits_min = tracker.map_or(1, |tracker| tracker.hits_min());
-        let rules = config.planning.rules().unwrap_or_else(|_| config.planning.rules_of_era());
-        Self { gate, deadlines, detector, behind, tracker_hits_min, rules }
-    }
-}
-
-impl Scheduled {
-    /// Key of `[execution]` for the length.
-    pub(crate) const fn key(self) -> &'static str {
-        match self {
-            Self::Detector => "detector_ms",
-            Self::Planner => "planner_ms",
-        }
-    }
 }

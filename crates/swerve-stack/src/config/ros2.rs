@@ -2,11 +2,6 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_ros2::env::Network;
-use swerve_ros2::mapping::{Mapping, Vehicle};
-
-use super::Config;
-use super::clock::Clock;
 
 /// Driver of the simulated car.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -18,57 +13,6 @@ pub enum EgoDriver {
     /// Another stack, by the command topics of `[ros2]`, through the safety gate. The car stands still until it is
     /// engaged.
     Ros2,
-}
-
-impl Config {
-    /// Returns true if another stack drives, over ROS 2.
-    pub fn is_driven_over_ros2(&self) -> bool {
-        self.ego.driver == EgoDriver::Ros2
-    }
-
-    fn check_driver(&self, told: &mut Vec<(String, String)>) {
-        if !self.is_driven_over_ros2() {
-            return;
-        }
-        let mut tell = |key: &str, message: &str| told.push((key.to_owned(), message.to_owned()));
-        if self.clock.source != Clock::Wall {
-            tell(
-                "clock.source",
-                "ego.driver is \"ros2\": expected \"wall\", another stack lives by the real clock",
-            );
-        }
-        if !self.gate.enabled {
-            tell(
-                "gate.enabled",
-                "ego.driver is \"ros2\": expected true, what comes from outside goes through the gate",
-            );
-        }
-        if !self.process.is_empty() {
-            tell("process", "ego.driver is \"ros2\": nothing runs that could be moved to a process");
-        }
-        // Problems of the table itself are reported by its own check.
-        if self.ros2_mapping().is_ok_and(|mapping| mapping.vehicle == Vehicle::Plain) {
-            tell(
-                "ros2.vehicle",
-                "ego.driver is \"ros2\": expected a vehicle with commands, \"plain\" has none",
-            );
-        }
-    }
-
-    /// Topics of `[ros2]`, on the network that the environment names where the table does not.
-    ///
-    /// # Errors
-    /// An environment variable of ROS has an invalid value.
-    pub fn ros2_mapping(&self) -> anyhow::Result<Mapping> {
-        let network = Network::from_variables(|name| std::env::var(name).ok())?;
-        Ok(Mapping::from_table(&self.ros2, network)?)
-    }
-
-    pub(super) fn check_ros2(&self, problems: &mut Vec<(String, String)>) {
-        self.check_driver(problems);
-        let found = Mapping::from_table(&self.ros2, Network::default()).err().unwrap_or_default();
-        problems.extend(found.into_iter().map(|found| (format!("ros2.{}", found.key), found.message)));
-    }
 }
 
 #[cfg(test)]

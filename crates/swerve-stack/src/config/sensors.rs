@@ -3,18 +3,14 @@
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use swerve_core::{ParamError, Ranges, Span};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::{Ego, Lidar, Point, Transform};
 use swerve_lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
-use swerve_text::{did_you_mean, number};
+use swerve_text::number;
 use swerve_vehicle::{Shape, VehicleParams};
 
-use super::planner::{problem, problems_of_ranges};
-use super::{Config, Images};
-use crate::assembly::{Assembly, pipeline_names, sensor_operators};
-use crate::section::{Section, of_config};
-use crate::setup::Setup;
+use crate::problems::{problem, problems_of_ranges};
 
 /// Problems, by key.
 type Faults = Vec<(String, String)>;
@@ -48,13 +44,6 @@ pub struct RadarConfig {
 }
 
 impl RadarConfig {
-    /// `[radar.NAME]`.
-    pub const SECTION: Section<Self> = of_config!(radar.NAME, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> Faults {
-        self.faults(&setup.sim.vehicle.shape)
-    }
-
     /// Radar on this vehicle.
     pub fn radar(&self, vehicle: &VehicleParams) -> Result<Radar, Faults> {
         Ok(Radar::new(self.params()?, self.mount(&vehicle.shape), vehicle))
@@ -85,7 +74,7 @@ impl RadarConfig {
         if told.is_empty() { Ok(params) } else { Err(told) }
     }
 
-    fn faults(&self, shape: &Shape) -> Faults {
+    pub(crate) fn faults(&self, shape: &Shape) -> Faults {
         let mut told = self.params().err().unwrap_or_default();
         told.extend(problems_of_ranges(self));
         told.extend(mount_faults(&self.mount(shape), shape));
@@ -129,13 +118,6 @@ pub struct LidarConfig {
 }
 
 impl LidarConfig {
-    /// `[lidar.NAME]`.
-    pub const SECTION: Section<Self> = of_config!(lidar.NAME, Self::problems);
-
-    fn problems(&self, setup: &Setup) -> Faults {
-        self.faults(&setup.sim.vehicle.shape, setup.sim.dt_ms)
-    }
-
     /// Specification of the lidar, its noise keyed by `seed`.
     pub fn spec(&self, seed: u64) -> Result<LidarSpec, Faults> {
         let beside = [("beams", "beams_deg"), ("rate_hz", "rate_hz")];
@@ -188,7 +170,7 @@ impl LidarConfig {
         SensorTiming { exposure_ms: 0.0, readout_ms, transfer_ms, rolling: false }
     }
 
-    fn faults(&self, shape: &Shape, dt_ms: f64) -> Faults {
+    pub(crate) fn faults(&self, shape: &Shape, dt_ms: f64) -> Faults {
         let mut told = problems_of_ranges(self);
         match self.spec(0) {
             Ok(spec) if spec.rate_hz * dt_ms > 1000.0 => {
@@ -257,71 +239,6 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
         told.push(("at_m".into(), message.into()));
     }
     told
-}
-
-impl Config {
-    /// Names of the sensors with named tables, each with the name of the table.
-    fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
-        let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));
-        let radars = self.radar.keys().map(|name| ("radar", name.as_str()));
-        let lidars = self.lidar.keys().map(|name| ("lidar", name.as_str()));
-        cameras.chain(radars).chain(lidars)
-    }
-
-    /// Names of all cameras, radars and lidars.
-    pub fn sensors(&self) -> impl Iterator<Item = &str> {
-        self.named_sensors().map(|(_, name)| name)
-    }
-
-    /// Times from exposure to the reader of a camera, radar or lidar, and the time between two steps of its operator.
-    pub fn sensor_timing(&self, name: &str) -> Option<(SensorTiming, Span)> {
-        let with = |timing, ms: f64| (timing, Span::from_secs(ms * 1e-3));
-        let camera = self.camera.get(name).map(|camera| with(camera.timing(), camera.period_ms));
-        let radar = || self.radar.get(name).map(|radar| with(radar.timing(), radar.period_ms()));
-        let lidar = || self.lidar.get(name).map(|lidar| with(lidar.timing(), self.sim.dt_ms));
-        camera.or_else(radar).or_else(lidar)
-    }
-
-    pub(super) fn check_sensors(&self, told: &mut Faults) {
-        for (kind, name) in self.named_sensors() {
-            let plain = super::operator::is_plain_name(name);
-            if !plain || pipeline_names().any(|operator| operator == name) {
-                let message = "expected a name of letters, digits and underscores that no operator has";
-                told.push((format!("{kind}.{name}"), message.into()));
-            }
-            let other = self.named_sensors().find(|(_, first)| *first == name);
-            if let Some((other, _)) = other.filter(|(other, _)| *other != kind) {
-                let message = format!("expected a unique name, found that of `[{other}.{name}]`");
-                told.push((format!("{kind}.{name}"), message));
-            }
-        }
-    }
-}
-
-impl Setup {
-    /// Returns true if a sensor runs: an operator reads it, or `log.sensors` names it.
-    pub fn runs(&self, sensor: &str) -> bool {
-        Assembly::with_problems(self, &mut Vec::new()).has(sensor)
-    }
-
-    pub(super) fn check_log(&self, told: &mut Faults) {
-        let sensors = sensor_operators(self);
-        let known = || sensors.iter().map(String::as_str);
-        for (k, sensor) in self.log.sensors.iter().enumerate() {
-            if known().any(|name| name == sensor) {
-                continue;
-            }
-            let near = did_you_mean(sensor, known());
-            let names: Vec<&str> = known().collect();
-            let message = format!("unknown sensor `{sensor}`, expected one of {}{near}", names.join(", "));
-            told.push((format!("log.sensors[{k}]"), message));
-        }
-        let log = &self.log;
-        if log.images == Images::Jpeg && !log.foxglove {
-            let message = "expected true where log.images is \"jpeg\": JPEG images are there to be looked at";
-            told.push(("log.foxglove".into(), message.into()));
-        }
-    }
 }
 
 #[cfg(test)]

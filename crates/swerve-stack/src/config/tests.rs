@@ -1,5 +1,7 @@
 use super::execution::Runtime;
 use super::*;
+use crate::Setup;
+use crate::registry::Registry;
 use swerve_text::{Document, parse_assignment};
 
 /// Configuration from a text and assignments, or its problems, one on a line.

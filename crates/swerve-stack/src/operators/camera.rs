@@ -13,8 +13,9 @@ use swerve_msg::{CameraInfo, Image, Intrinsics};
 
 use crate::config::Config;
 use crate::config::camera::{CameraConfig, Output};
-use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings, span_of_ms};
-use crate::shot::{Eye, Shot};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings};
+use crate::shot::{Eye, Shot, Shots};
 use crate::site::Site;
 use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego};
 
@@ -90,13 +91,13 @@ impl OperatorKind for Cameras {
             return Ok(());
         }
         let memory = Output::ALL.map(|output| site.memory(output.name(), 1));
-        let stage = site.stage();
+        let shared = (site.stage(), site.shots());
         let settings = site.settings();
         let Some(camera) = settings.setup.camera.get(settings.name) else {
             anyhow::bail!("camera.{}: there is no such table", settings.name);
         };
         let timer = settings.drawn_timer(span_of_ms(camera.period_ms));
-        let operator = CameraOperator::new(settings.name, camera, settings.setup, stage, memory)?;
+        let operator = CameraOperator::new(settings.name, camera, settings.setup, shared, memory)?;
         site.add(operator, Some(timer))
     }
 }
@@ -104,6 +105,7 @@ impl OperatorKind for Cameras {
 /// A camera on the ego: colour, depth, classes and instances, a port each.
 struct CameraOperator {
     stage: SharedStage,
+    shots: Arc<Shots>,
     eye: Arc<Eye>,
 }
 
@@ -112,7 +114,7 @@ impl CameraOperator {
         name: &str,
         camera: &CameraConfig,
         config: &Config,
-        stage: SharedStage,
+        (stage, shots): (SharedStage, Arc<Shots>),
         memory: [StreamMemory; 4],
     ) -> anyhow::Result<Self> {
         let (seed, config, shape) = (config.seed, camera, &config.sim.vehicle.shape);
@@ -126,7 +128,7 @@ impl CameraOperator {
         let pools = Mutex::new(memory.map(Pool::new));
         let hides_ego = hides_ego(config.at_m, shape);
         let eye = Eye { camera, ego_from_camera, info, outputs: config.wanted(), hides_ego, pools };
-        Ok(Self { stage, eye: Arc::new(eye) })
+        Ok(Self { stage, shots, eye: Arc::new(eye) })
     }
 }
 
@@ -155,6 +157,6 @@ impl Operator for CameraOperator {
         };
         let mut wanted = self.eye.wanted().into_iter();
         let promises = ports.map(|port| (wanted.next() == Some(true)).then(|| workers.promise(port)));
-        Shot { eye: self.eye.clone(), scene, stamp, ego, promises }.leave(&self.stage, workers);
+        Shot { eye: self.eye.clone(), scene, stamp, ego, promises }.leave(&self.stage, &self.shots, workers);
     }
 }

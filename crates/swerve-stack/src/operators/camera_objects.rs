@@ -11,12 +11,13 @@ use swerve_text::in_one_line;
 use swerve_vehicle::{Pitch, VehicleParams};
 use toml::Table;
 
-use crate::config::camera_detectors::{CameraObjectsTable, Chosen};
+use crate::algorithms::Chosen;
+use crate::config::camera_detectors::CameraObjectsTable;
 use crate::config::execution::span_ms;
-use crate::config::planner::problem;
 use crate::detectors::DetectorRung;
-use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
-use crate::schedule::{Ladder, Rung};
+use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
+use crate::ladder::{Ladder, Rung};
+use crate::problems::{KeyProblems, problem};
 use crate::section::Section;
 use crate::setup::Setup;
 use crate::site::Site;

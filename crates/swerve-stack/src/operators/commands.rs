@@ -4,7 +4,8 @@ use swerve_core::{Span, Time};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
 use swerve_msg::{MotionCommand, Plan};
 
-use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::kind::{Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Passes on commands that are made from a new state and a recent plan. The gate treats the absence of commands as

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use swerve_control::{Controller, Input, LawController, Output, Params, Pedals};
+use swerve_control::{Controller, Input, Output};
 use swerve_core::{Span, Time};
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
@@ -11,12 +11,13 @@ use swerve_flow::{
 use swerve_msg::{Command, EgoState, LocalPose, MotionCommand, Plan, Route, Supervision};
 use swerve_pylot::{Follower, Preset, Rules};
 use swerve_text::{KeyProblem, in_one_line};
-use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
+use swerve_vehicle::{VehicleParams, accel_for_pedals};
 
 use super::odom::LocalPoses;
+use crate::config::execution::span_of_ms;
 use crate::config::{Config, ControlConfig};
 use crate::controllers::{NamedController as _, Pid};
-use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OperatorKind, Settings};
 use crate::setup::Setup;
 use crate::site::Site;
 
@@ -155,16 +156,6 @@ fn original(config: &Config, rules: &Rules) -> Option<Follower> {
     let by_pid = config.controller() == Pid::NAME && control.following.is_none();
     (by_pid && planning.preset == Preset::Paper)
         .then(|| Follower::new(rules, &sim.vehicle.shape, &sim.vehicle.limits))
-}
-
-/// A controller with the pedal map of `vehicle`.
-pub fn controller(vehicle: &VehicleParams, params: Params) -> LawController {
-    let of = vehicle.clone();
-    let pedals = move |accel_mps2: f64, speed_mps: f64| {
-        let pedals = pedals_for_accel(&of, speed_mps, accel_mps2);
-        Pedals { throttle: pedals.throttle, brake: pedals.brake }
-    };
-    LawController::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }
 
 /// Publishes pedals, for a vehicle without a gate.

@@ -12,8 +12,10 @@ use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry}
 
 use super::localizer::Out;
 use super::odom::Odometer;
-use super::scan_matcher::{pose_of, readings};
-use crate::kind::{KeyProblems, Kind, Node};
+use super::receiver::pose_of;
+use super::scan_matcher::readings;
+use crate::kind::{Kind, Node};
+use crate::problems::KeyProblems;
 use crate::site::Site;
 
 /// Messages kept per input: those of a few steps, so that none is missed.

@@ -16,7 +16,7 @@ use crate::config::Config;
 use crate::config::model::{ExecutionConfig, Model};
 use crate::config::resolved::Resolved;
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
-use crate::site::Site;
+use crate::site::{Site, first_stream};
 
 /// Sets the deadlines of detector and planner under the dynamic model.
 ///
@@ -55,7 +55,7 @@ pub(crate) fn deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> 
     let Some(scheduled) = site.kind().scheduled.filter(|_| execution.model == Model::DynamicDeadlines) else {
         return Ok(site.schedule().deadline.map(|length| Deadline::after(length).reaction(reaction)));
     };
-    let policy = site.assembly.first_stream::<ResponseBudget>();
+    let policy = first_stream::<ResponseBudget>(site.operators);
     let policy = policy.context("execution.model: no operator sets deadlines")?.0;
     let (setup, resolved) = (policy.settings(site.setup).setup, &*policy.resolved);
     let before = Policy::new(setup, resolved, site).before();
@@ -113,7 +113,7 @@ impl Policy {
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
         // Frames until a newly visible object is reported.
-        let detects = site.assembly.publisher::<Detections>().is_some();
+        let detects = first_stream::<Detections>(site.operators).is_some();
         let confirmed = if detects { resolved.tracker_hits_min.saturating_sub(1) } else { 0 };
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
         let route = site.surroundings().route.clone();

@@ -12,7 +12,7 @@ use crate::config::execution::span_ms;
 use crate::config::model::Model;
 use crate::config::perception::{PerceptionConfig, image_camera};
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
-use crate::schedule::Ladder;
+use crate::ladder::Ladder;
 use crate::site::Site;
 
 /// Emulates a detector of a given accuracy.
@@ -56,7 +56,7 @@ impl OperatorKind for EmulatedDetector {
 
     fn ladder(&self, settings: &Settings<'_>) -> Option<Ladder> {
         let setup = settings.setup;
-        let rungs = setup.detector_rungs().unwrap_or_default();
+        let rungs = setup.perception.rungs().unwrap_or_default();
         let reports = setup.perception.ladder || setup.execution.model == Model::Periodic;
         reports.then_some(Ladder { sets_run_time: !rungs.is_empty(), rungs })
     }

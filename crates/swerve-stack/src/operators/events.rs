@@ -5,7 +5,8 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{CollisionEvents, LaneInvasions as Invasions, RedLightEvents};
 use swerve_sim::sense::{self, LaneInvasionSensor, RedLightSensor};
 
-use crate::kind::{Kind, NoKeys, Node};
+use crate::kind::{Kind, Node};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Every state of the world.

@@ -13,9 +13,10 @@ use swerve_perception::fusion::{CameraSight, Echoes, Params, Sighted, Sources, f
 use swerve_perception::image_box::ImageCamera;
 
 use crate::config::camera::CameraConfig;
+use crate::config::execution::span_of_ms;
 use crate::config::perception::image_camera;
-use crate::config::planner::problems_of_ranges;
-use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OperatorKind, Settings};
+use crate::problems::problems_of_ranges;
 use crate::section::Section;
 use crate::site::Site;
 

@@ -9,8 +9,9 @@ use swerve_control::safety_gate::{GateInput, SafetyGate};
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
 use swerve_msg::{EgoState, GateOutput, MotionCommand, Plan, PoseQuality, Switch, VehicleReport, WireAlarm};
 
+use crate::config::execution::span_of_ms;
 use crate::config::gate::GateConfig;
-use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::kind::{Kind, Node, Settings};
 use crate::section::Section;
 use crate::site::Site;
 

@@ -6,7 +6,8 @@ use swerve_msg::truth::WorldState;
 use swerve_sim::sense::InertialUnit;
 
 use crate::config::SensingConfig;
-use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Kind, Node, Settings};
 use crate::section::Section;
 use crate::site::Site;
 

@@ -7,7 +7,8 @@ use swerve_msg::{CameraInfo, Image, LaneLine, Lanes, Pixels};
 use swerve_vision::Rgb;
 use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
 
-use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::kind::{Heavy, Kind, Node};
+use crate::problems::KeyProblems;
 use crate::site::Site;
 
 /// Detects lines in each image, without neural networks.

@@ -6,13 +6,22 @@ use swerve_geom::{Ego, Lidar, Transform};
 use swerve_msg::{Detections, EgoState, PointCloud, Route};
 use swerve_perception::lidar::Scan;
 
-use crate::config::planner::problem;
 use crate::detectors::NamedLidarDetector;
-use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::kind::{Heavy, Kind, Node};
+use crate::problems::{KeyProblems, problem};
+use crate::registry::Registry;
 use crate::site::Site;
 
 /// Past poses kept to find the one at a sweep's stamp: up to the age of a sweep, at 100 Hz.
 const POSES: usize = 256;
+
+impl Registry {
+    /// Adds a lidar detector: a kind of operator with its name, in place of an existing one of the same name.
+    #[must_use]
+    pub fn with_lidar_detector<D: NamedLidarDetector>(self) -> Self {
+        self.with::<Objects<D>>()
+    }
+}
 
 /// Detects objects in each sweep of a lidar.
 pub(crate) struct Objects<D> {

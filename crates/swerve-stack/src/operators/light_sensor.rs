@@ -7,7 +7,8 @@ use swerve_sim::sense::{SensorMount, SensorParams, TrafficLightSensor};
 
 use super::obstacles::sight;
 use crate::config::SensingConfig;
-use crate::kind::{Kind, Node, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Kind, Node, Settings};
 use crate::section::Section;
 use crate::site::Site;
 

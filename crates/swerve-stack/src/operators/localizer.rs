@@ -11,33 +11,27 @@ use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
-use swerve_flow::{At, Context, Every, Inputs, Message, Operator, Outputs, Port, Timer, Window, every};
-use swerve_geom::{FrenetPoint, Point2, Pose2, math};
-use swerve_localization::flat::Origin;
-use swerve_localization::ndt::Isometry3;
+use swerve_flow::{At, Context, Every, Inputs, Operator, Outputs, Port, Timer, Window, every};
+use swerve_geom::{Pose2, math};
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
-use swerve_sim::sense::GnssParams;
+use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 mod stored_pose;
 
 use super::odom::Odometer;
-use super::scan_matcher::pose_of;
-use crate::config::Config;
-use crate::config::SensingConfig;
-use crate::config::planner::problem;
-use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
+use super::receiver::{Receiver, new_messages};
+use crate::config::execution::span_of_ms;
+use crate::config::{Config, SensingConfig};
+use crate::kind::{Kind, Node, Settings};
+use crate::problems::{KeyProblems, problem};
 use crate::site::Site;
-use stored_pose::StoredPose;
+use stored_pose::{START, StoredPose};
 
 /// Messages kept per sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
 
 /// Periods of the inertial unit after which a pose is due without it.
 const SILENT: f64 = 2.0;
-
-/// Distance from the road, in standard deviations, from which a first fix is taken for a reflection.
-const OFF_ROAD_SIGMAS: f64 = 3.0;
 
 /// A filter over inertial unit, satellite fixes, wheels, and lidar matches.
 pub(crate) struct Filter {
@@ -91,68 +85,6 @@ pub(crate) struct Out {
     pub(super) quality: Port<PoseQuality>,
     /// Local pose for control, with each state.
     pub(super) local: Port<LocalPose>,
-}
-
-/// Model of a satellite receiver, and the lane of the car.
-pub(super) struct Receiver {
-    noise_m: f64,
-    bias_m: f64,
-    antenna_at_m: [f64; 3],
-    origin: Origin,
-    route: Route,
-}
-
-impl Receiver {
-    pub(super) fn new(site: &Site<'_>) -> Self {
-        Self::of(&site.config().sensing, site.surroundings().route.clone())
-    }
-
-    fn of(sensing: &SensingConfig, route: Route) -> Self {
-        let origin = sensing.map_origin();
-        let GnssParams { noise_m, bias_m, antenna_at_m, .. } = sensing.gnss;
-        Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route }
-    }
-
-    /// Position of the antenna on the map by a fix: east, north, up, metres.
-    fn place(&self, fix: &Gnss) -> Option<[f64; 3]> {
-        self.origin.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
-    }
-
-    /// A fix as a measurement; `offset_m` is the error common to fixes along each axis.
-    fn sensed(&self, fix: &Gnss, offset_m: f64) -> Option<Sensed> {
-        // A receiver's height is half as accurate as its position.
-        let up_m = 2.0 * math::hypot(self.noise_m, offset_m);
-        let at_m = self.place(fix)?;
-        Some(Sensed::Fix { at_m, sigma_m: [self.noise_m, self.noise_m, up_m] })
-    }
-
-    /// Pose of the ego by a fix, level and along its lane.
-    pub(super) fn ego(&self, fix: &Gnss) -> Option<Isometry3<f64>> {
-        let [east, north, up] = self.place(fix)?;
-        let heading_rad = self.lane_heading_rad([east, north, up]);
-        let (sin, cos) = math::sin_cos(heading_rad);
-        let [x, y, z] = self.antenna_at_m;
-        let at_m = [east - (x * cos - y * sin), north - (x * sin + y * cos), up - z];
-        Some(pose_of(at_m, heading_rad))
-    }
-
-    /// Heading of the lane at a position, radians.
-    fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
-        let s_m = self.route.project(Point2::new(x_m, y_m)).s_m;
-        self.route.line().at(s_m).pose.heading_rad
-    }
-
-    /// Returns true if a position may be on the ground along the route, within the errors of fixes.
-    fn may_be_on_road(&self, [x_m, y_m, _]: [f64; 3]) -> bool {
-        let FrenetPoint { s_m, d_m } = self.route.project(Point2::new(x_m, y_m));
-        let beyond_m = OFF_ROAD_SIGMAS * self.sigma_m();
-        (-self.route.right_m(s_m) - beyond_m..=self.route.left_m(s_m) + beyond_m).contains(&d_m)
-    }
-
-    /// Standard deviation of a fix, metres.
-    pub(super) fn sigma_m(&self) -> f64 {
-        math::hypot(self.noise_m, self.bias_m)
-    }
 }
 
 /// Keys of a localizer.
@@ -286,18 +218,18 @@ impl Operator for Filter {
             None => return,
         };
         self.newest = stamp;
-        for wheels in new(input.wheels.get(), &mut self.taken[0]) {
+        for wheels in new_messages(input.wheels.get(), &mut self.taken[0]) {
             self.start_stored(wheels);
             let sensed = self.wheels(wheels);
             self.localizer.take(wheels.stamp, sensed);
         }
         if !self.awaits_wheels(stamp) {
-            for fix in new(input.fixes.get(), &mut self.taken[1]) {
+            for fix in new_messages(input.fixes.get(), &mut self.taken[1]) {
                 self.fix(fix);
             }
         }
         let matches = input.matches.as_ref().map_or(&[][..], |matches| matches.get());
-        for found in new(matches, &mut self.taken[2]) {
+        for found in new_messages(matches, &mut self.taken[2]) {
             let sensed = self.matched(found);
             self.localizer.take(found.stamp, sensed);
         }
@@ -333,17 +265,22 @@ fn quality(estimate: &Estimate) -> PoseQuality {
     PoseQuality { stamp: estimate.stamp, mode, covariance }
 }
 
-/// Messages of a window that were not taken before.
-pub(super) fn new<'a, T>(
-    window: &'a [Message<T>],
-    taken: &mut u64,
-) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {
-    let from = *taken;
-    *taken = window.last().map_or(from, |newest| newest.header().seq + 1);
-    window.iter().filter(move |message| message.header().seq >= from)
-}
-
 impl Filter {
+    /// Returns true while a stored pose waits for a wheel speed, which is due within two of their periods.
+    fn awaits_wheels(&self, now: Time) -> bool {
+        self.stored.is_some() && now - START <= self.wheels_due
+    }
+
+    /// Starts from the stored pose with the first wheel speed, unless a fix came before.
+    fn start_stored(&mut self, wheels: &WheelOdometry) {
+        let Some(stored) = self.stored.take().filter(|_| self.started.is_none()) else { return };
+        let initial = stored.initial(&self.params, wheels.stamp, wheels.speed_mps);
+        // The parameters were validated when the operator was built.
+        if let Ok(localizer) = Localizer::starting_at(self.params, wheels.stamp, &initial) {
+            (self.localizer, self.started) = (localizer, Some(wheels.stamp));
+        }
+    }
+
     /// Speed and steering angle as a measurement.
     fn wheels(&mut self, wheels: &WheelOdometry) -> Sensed {
         self.steering_rad = wheels.steering_rad;

@@ -4,7 +4,9 @@ use swerve_core::Span;
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
 use swerve_msg::{Obstacle, ObstacleList};
 
-use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Publishes objects around the ego at regular instants: those reported from outside, moved on by their velocities.

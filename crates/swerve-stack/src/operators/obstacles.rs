@@ -12,9 +12,10 @@ use swerve_vehicle::Shape;
 
 use super::relative::{Motion, pose_at};
 use crate::config::camera::CameraConfig;
+use crate::config::execution::span_of_ms;
 use crate::config::perception::PerceptionConfig;
 use crate::config::{Config, SensingConfig, Source};
-use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
 /// Visibility of the simulated world from one mount.

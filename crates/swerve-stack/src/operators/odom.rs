@@ -17,7 +17,7 @@ use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
 use swerve_localization::lateral_velocity::{LateralMotion, LateralVelocity};
 use swerve_msg::{EgoState, LocalPose, Plan};
 
-use super::localizer::new;
+use super::receiver::new_messages;
 
 /// Longest step of the odometry, seconds: beyond it the motion since the last state is unknown.
 const STEP_MAX_S: f64 = 0.2;
@@ -127,7 +127,7 @@ impl LocalPoses {
     /// Takes the new messages of a window.
     pub(super) fn take(&mut self, window: &[Message<LocalPose>]) {
         let is_finite = |local: &LocalPose| local.odom.is_finite() && local.map_from_odom.is_finite();
-        let new = new(window, &mut self.taken).map(|local| **local);
+        let new = new_messages(window, &mut self.taken).map(|local| **local);
         self.kept.extend(new.filter(is_finite));
         let newest = self.kept.back().map(|local| local.stamp);
         while newest.zip(self.kept.front()).is_some_and(|(newest, oldest)| newest - oldest.stamp > KEPT) {

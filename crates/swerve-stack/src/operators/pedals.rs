@@ -5,7 +5,8 @@ use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
 use swerve_msg::{Command, GateMode, GateOutput, VehicleReport};
 use swerve_vehicle::VehicleParams;
 
-use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::kind::{Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Operates the pedals of the simulated car. While the gate is not engaged the simulated driver holds steering angle

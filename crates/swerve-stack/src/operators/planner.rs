@@ -22,7 +22,7 @@ use crate::config::execution::Runtime;
 use crate::config::model::Model;
 use crate::config::{PlanningConfig, StartState};
 use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
-use crate::schedule::Ladder;
+use crate::ladder::Ladder;
 use crate::site::Site;
 
 /// A motion planner.
@@ -67,7 +67,7 @@ impl OperatorKind for Planners {
 
     fn ladder(&self, settings: &Settings<'_>) -> Option<Ladder> {
         let setup = settings.setup;
-        let rungs = setup.planner_rungs().unwrap_or_default();
+        let rungs = setup.planning.rungs().unwrap_or_default();
         let reports = setup.planning.ladder.is_some() || setup.execution.model == Model::Periodic;
         reports.then_some(Ladder { sets_run_time: !rungs.is_empty(), rungs })
     }

@@ -15,7 +15,8 @@ use swerve_sim::{Ahead, SimParams};
 use swerve_text::{KeyProblem, in_one_line};
 
 use crate::config::PredictionConfig;
-use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Node, OperatorKind, Settings};
 use crate::predictors::{NamedPredictor as _, Truth};
 use crate::site::Site;
 

@@ -9,10 +9,10 @@ use swerve_flow::{
     AnyInput, AnyOperator, AnyOutputs, Context, OutputInfo, PayloadType, PortInfo, PortMode, every,
 };
 
-use crate::assembly::one_of;
+use crate::config::execution::span_of_ms;
 use crate::config::is_plain_name;
-use crate::config::planner::problem;
-use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OperatorKind, Settings};
+use crate::problems::{KeyProblems, one_of, problem};
 use crate::registry::Registry;
 use crate::section::Section;
 use crate::setup::Setup;

@@ -9,8 +9,9 @@ use swerve_msg::truth::{RadarSources, WorldState};
 use swerve_sim::sense::Radar;
 
 use super::camera::on_its_way;
+use crate::config::execution::span_of_ms;
 use crate::config::sensors::RadarConfig;
-use crate::kind::{Node, OnItsWay, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OnItsWay, OperatorKind, Settings};
 use crate::site::Site;
 
 /// Radars, `[radar.NAME]`.

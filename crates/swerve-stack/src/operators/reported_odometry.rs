@@ -3,7 +3,8 @@
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::{VehicleReport, WheelOdometry};
 
-use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::kind::{Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Takes speed and steering angle from a vehicle's report.

@@ -24,10 +24,11 @@ use swerve_localization::odometry::Odometry;
 use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 use swerve_text::{FILE_MAX, read_bytes};
 
-use super::localizer::{Receiver, new};
+use super::receiver::{Receiver, new_messages, pose_of};
 use crate::config::execution::Runtime;
 use crate::config::sensors::LidarConfig;
-use crate::kind::{Heavy, Kind, NoKeys, Node, Settings};
+use crate::kind::{Heavy, Kind, Node, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// Readings kept of inertial unit and wheels: those of a sweep and of one missed sweep, at 100 Hz.
@@ -181,8 +182,9 @@ pub(super) fn readings(
     taken: &mut [u64; 2],
 ) -> Vec<(Time, Reading)> {
     let [imu_taken, wheels_taken] = taken;
-    let gyro = new(imu, imu_taken).map(|imu| (imu.stamp, Reading::Gyro(imu.gyro_radps)));
-    let wheels = new(wheels, wheels_taken).map(|wheels| (wheels.stamp, Reading::Wheels(wheels.speed_mps)));
+    let gyro = new_messages(imu, imu_taken).map(|imu| (imu.stamp, Reading::Gyro(imu.gyro_radps)));
+    let wheels =
+        new_messages(wheels, wheels_taken).map(|wheels| (wheels.stamp, Reading::Wheels(wheels.speed_mps)));
     let mut readings: Vec<_> = wheels.chain(gyro).collect();
     readings.sort_by_key(|(stamp, _)| *stamp);
     readings
@@ -201,14 +203,6 @@ fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
 fn read(path: &Path) -> anyhow::Result<MapFile> {
     ensure!(path.exists(), "there is no such file; `swerve map build` writes one");
     Ok(MapFile::read(&read_bytes(path, FILE_MAX)?)?)
-}
-
-/// Pose of a car that is level at this position.
-pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
-    let (sin, cos) = math::sin_cos(heading_rad);
-    let [x, y, z] = at_m;
-    let rows = [cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0];
-    swerve_localization::ndt::pose_of(&rows).unwrap_or_else(Isometry3::identity)
 }
 
 /// Localizes a lidar on a map.

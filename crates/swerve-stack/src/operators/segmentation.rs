@@ -10,7 +10,8 @@ use swerve_vision::segmentation::{Segmenter, Weights};
 use swerve_vision::{Rgb, shipped};
 
 use crate::config::camera_detectors::ground;
-use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::kind::{Heavy, Kind, Node};
+use crate::problems::KeyProblems;
 use crate::site::Site;
 
 /// Labels the pixels of each image of a camera, without neural networks.

@@ -10,7 +10,8 @@ use swerve_msg::{
 };
 use swerve_vehicle::{Shape, VehicleParams};
 
-use crate::kind::{KeyProblems, Kind, Node};
+use crate::kind::{Kind, Node};
+use crate::problems::KeyProblems;
 use crate::site::Site;
 
 /// Thickness and height of the obstacle on a stop line, metres.

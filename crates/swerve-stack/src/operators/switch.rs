@@ -6,8 +6,9 @@ use swerve_flow::{
 };
 use swerve_msg::{GateOutput, Switch};
 
+use crate::config::execution::span_of_ms;
 use crate::config::gate::GateConfig;
-use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
 /// Switch of a simulated car: held by a simulated person or, where another stack drives, from outside.

@@ -12,7 +12,8 @@ use swerve_vehicle::VehicleParams;
 use swerve_vision::traffic_light::LightSettings;
 
 use super::camera_objects::pitch_rad;
-use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::kind::{Heavy, Kind, Node};
+use crate::problems::KeyProblems;
 use crate::site::Site;
 
 /// Past poses kept to find the one at an image's stamp and to estimate the body's pitch until then: at 100 Hz.

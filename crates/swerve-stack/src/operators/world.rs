@@ -5,8 +5,10 @@ use swerve_msg::Command;
 use swerve_msg::truth::WorldState;
 use swerve_sim::{SimParams, Simulator};
 
+use crate::config::execution::span_of_ms;
 use crate::course::Course;
-use crate::kind::{Kind, NoKeys, Node, Role, Settings, span_of_ms};
+use crate::kind::{Kind, Node, Role, Settings};
+use crate::named::NoKeys;
 use crate::site::Site;
 
 /// The simulated world. At its tick `k` it integrates from tick `k - 1` under the command latched there,

@@ -6,14 +6,12 @@
 
 use swerve_core::{Rng, Time};
 use swerve_geom::Pose2;
-use swerve_localization::{Initial, Localizer, Params};
-use swerve_msg::WheelOdometry;
+use swerve_localization::{Initial, Params};
 
-use super::Filter;
 use crate::site::Site;
 
 /// Instant of the pose: the start of the drive.
-const START: Time = Time::ZERO;
+pub(super) const START: Time = Time::ZERO;
 
 /// A pose and its standard deviations: each axis of the position (m), heading (rad).
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -46,27 +44,10 @@ impl StoredPose {
     }
 
     /// Initial state at `stamp` of a car that has rolled straight on at a constant speed.
-    fn initial(&self, params: &Params, stamp: Time, speed_mps: f64) -> Initial {
+    pub(super) fn initial(&self, params: &Params, stamp: Time, speed_mps: f64) -> Initial {
         let rolled_s = (stamp - START).as_secs();
         let Pose2 { x_m, y_m, heading_rad, .. } = self.pose.ahead(speed_mps * rolled_s);
         Initial::level(params, [x_m, y_m, heading_rad], speed_mps, self.sigma)
-    }
-}
-
-impl Filter {
-    /// Returns true while a stored pose waits for a wheel speed, which is due within two of their periods.
-    pub(super) fn awaits_wheels(&self, now: Time) -> bool {
-        self.stored.is_some() && now - START <= self.wheels_due
-    }
-
-    /// Starts from the stored pose with the first wheel speed, unless a fix came before.
-    pub(super) fn start_stored(&mut self, wheels: &WheelOdometry) {
-        let Some(stored) = self.stored.take().filter(|_| self.started.is_none()) else { return };
-        let initial = stored.initial(&self.params, wheels.stamp, wheels.speed_mps);
-        // The parameters were validated when the operator was built.
-        if let Ok(localizer) = Localizer::starting_at(self.params, wheels.stamp, &initial) {
-            (self.localizer, self.started) = (localizer, Some(wheels.stamp));
-        }
     }
 }
 

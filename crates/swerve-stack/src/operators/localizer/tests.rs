@@ -1,8 +1,10 @@
 use swerve_core::{Rng, Span};
-use swerve_geom::{Point, Polyline, Transform, Vector};
+use swerve_geom::{Point, Point2, Polyline, Transform, Vector};
+use swerve_msg::Route;
 use swerve_msg::truth::{EgoTruth, WorldState};
 use swerve_sim::sense::{
-    GnssReceiver, ImuParams, InertialUnit, WheelOdometer, WheelOdometryParams, Zone, rolling_speeds_radps,
+    GnssParams, GnssReceiver, ImuParams, InertialUnit, WheelOdometer, WheelOdometryParams, Zone,
+    rolling_speeds_radps,
 };
 
 use super::*;

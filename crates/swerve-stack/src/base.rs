@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 use swerve_scenario::Road;
 use toml::de::DeTable;
 
-use crate::config::OperatorConfig;
 use crate::config::execution::Runtime;
+use crate::config::{OperatorConfig, PlanningConfig};
 use crate::kind::{Role, Scheduled, Settings};
 use crate::setup::Setup;
 
@@ -16,7 +16,7 @@ struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
 
 macro_rules! part {
     ($file:literal) => {
-        Part(LazyLock::new(|| read(include_str!(concat!("../base/", $file)))))
+        Part(LazyLock::new(|| read(include_str!(concat!("base/", $file)))))
     };
 }
 
@@ -50,7 +50,7 @@ fn read(text: &str) -> Vec<(String, OperatorConfig)> {
 
 /// All operators that a configuration may have: the pipeline's own, then sensors with named tables after the other
 /// sensors, then those that `[operator.NAME]` adds, by name.
-pub(super) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
+pub(crate) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
     let (before, behind): (&[&Part], &[&Part]) = if setup.live.is_some() {
         (&[&VEHICLE], &[&OBJECTS, &STACK, &GATE])
     } else if setup.is_driven_over_ros2() {
@@ -130,7 +130,7 @@ pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
 }
 
 /// Returns true if only a vehicle of `swerve live` feeds this kind.
-pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
+pub(crate) fn is_fed_by_vehicle(kind: &str) -> bool {
     let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
     has(&VEHICLE) && !has(&WORLD) && !has(&OUTSIDE)
 }
@@ -152,4 +152,13 @@ pub(crate) fn sensor_operators(setup: &Setup) -> Vec<String> {
     let of = |own: &OperatorConfig| setup.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
     let is_sensor = |own: &OperatorConfig| of(own).is_some_and(|node| node.role == Role::Sensor);
     entries(setup).into_iter().filter(|(_, own)| is_sensor(own)).map(|(name, _)| name).collect()
+}
+
+impl Setup {
+    /// Expected time from a sensor frame to its plan's first effect, ms: the sum of the detector's and the planner's.
+    pub fn expected_ms(&self) -> f64 {
+        let PlanningConfig { expected_ms, .. } = self.planning;
+        let detector_ms = scheduled_operator(self, Scheduled::Detector).flatten().unwrap_or(0.0);
+        expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
+    }
 }

@@ -1,18 +1,55 @@
 //! Construction of a planner from its name, preset, discretisation and parameters.
 
-use swerve_core::{ParamError, Ranges};
 use swerve_planning::comfort::{self, Comfort};
 use swerve_planning::fot::{self, Fot};
-use swerve_planning::{Ahead, CollisionMode, Planner};
-use swerve_pylot::{HybridAstarParams, Original, Preset, RrtStarParams, Rules};
+use swerve_planning::{Ahead, Planner};
+use swerve_pylot::{HybridAstarParams, Original, Preset, RrtStarParams};
 use swerve_text::{KeyProblem, overridden};
 
-use super::{Fineness, PlanningConfig};
-use crate::planners::{NamedPlanner as _, PlannerDefaults};
+use crate::config::{Fineness, PlannerName, PlanningConfig};
+use crate::planners::{AnyPlanner, NamedPlanner as _, PlannerDefaults};
+use crate::problems::outside;
 use crate::registry::Registry;
 
+impl PlanningConfig {
+    /// Planner of this configuration, with its parameters.
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key in `planning.params`.
+    pub fn planner(&self, registry: &Registry) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
+        self.planner_with(registry, &self.params)
+    }
+
+    /// As `planner`, with other parameters.
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key.
+    pub fn planner_with(
+        &self,
+        registry: &Registry,
+        params: &toml::Table,
+    ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
+        planner(self, registry, params)
+    }
+
+    /// Returns true if the planner has a comfortable layer.
+    pub fn has_comfort(&self, registry: &Registry) -> bool {
+        let by_default = || registry.planners.get(self.planner.as_str()).is_some_and(AnyPlanner::has_comfort);
+        self.comfort.enabled.unwrap_or_else(|| self.preset == Preset::Best && by_default())
+    }
+
+    /// Problems of planners' names, each by its key in `planning`.
+    pub(crate) fn problems_of_names(&self, registry: &Registry) -> Vec<KeyProblem> {
+        let named = self.cost.keys().map(|name| (format!("cost.{}", name.as_str()), name));
+        let named = core::iter::once(("planner".to_owned(), &self.planner)).chain(named);
+        let problem =
+            |(key, name): (String, &PlannerName)| Some((key, registry.planners.problem(name.as_str())?));
+        named.filter_map(problem).collect()
+    }
+}
+
 /// Planner that a configuration names, with its parameters, including its comfortable layer.
-pub(super) fn planner(
+fn planner(
     planning: &PlanningConfig,
     registry: &Registry,
     params: &toml::Table,
@@ -79,50 +116,4 @@ fn original(
         }
         Original::Other => return Ok(None),
     }))
-}
-
-/// Rules that a configuration names, or their problems, each by its key in `planning`.
-pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<KeyProblem>> {
-    let rules: Rules =
-        overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| within("rules", found))?;
-    if planning.preset != Preset::Paper {
-        let only = "only the preset `paper` has one";
-        let era = planning.era.map(|_| ("era".to_owned(), only.to_owned()));
-        let rule = planning.rules.keys().next().map(|rule| (format!("rules.{rule}"), only.to_owned()));
-        let wrong: Vec<_> = era.into_iter().chain(rule).collect();
-        return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
-    }
-    let ours = matches!(planning.collision(), CollisionMode::MayStop | CollisionMode::Risk);
-    if ours && planning.planner.is_paper() {
-        let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
-        return Err(vec![("collision".into(), message)]);
-    }
-    rules.validate(planning.planner.original()).map_err(|error| within("rules", outside(error)))?;
-    Ok(rules)
-}
-
-/// Problems of all numbers out of their ranges.
-pub(crate) fn problems_of_ranges(settings: &impl Ranges) -> Vec<KeyProblem> {
-    settings.out_of_range().into_iter().map(problem).collect()
-}
-
-/// Problem of a parameter out of its range.
-pub(crate) fn problem(error: ParamError) -> KeyProblem {
-    let message = format!("expected {}, found {}", error.expected, error.value);
-    (error.key.into_owned(), message)
-}
-
-/// The same as a list.
-pub(crate) fn outside(error: ParamError) -> Vec<KeyProblem> {
-    vec![problem(error)]
-}
-
-/// Problems of the table at dotted `key`, which is empty for the whole configuration.
-pub(crate) fn within(key: &str, problems: Vec<KeyProblem>) -> Vec<KeyProblem> {
-    let whole = |inner: String| match (key.is_empty(), inner.is_empty()) {
-        (true, _) => inner,
-        (_, true) => key.to_owned(),
-        _ => format!("{key}.{inner}"),
-    };
-    problems.into_iter().map(|(inner, message)| (whole(inner), message)).collect()
 }

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use swerve_text::{Document, Guessed, KeyProblem, Misread, Problem, Problems};
 
-use super::car::fill_in;
-use super::old_names::with_present_name;
-use super::process::with_whole_paths;
-use super::{Config, SECTIONS};
-use crate::assembly::give_sections;
-use crate::kind::KeyProblems;
+use crate::assembly::settings::give_sections;
+use crate::config::Config;
+use crate::config::car::fill_in;
+use crate::config::old_names::with_present_name;
+use crate::config::process::with_whole_paths;
+use crate::problems::KeyProblems;
 use crate::registry::Registry;
+use crate::sections::SECTIONS;
 use crate::setup::Setup;
 
 impl Config {
