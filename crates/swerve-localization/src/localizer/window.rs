@@ -31,6 +31,8 @@ const UNDERSTATED: [f64; 2] = [3.5, 2.2];
 const UNDERSTATED_IN_DOUBT: [f64; 2] = [2.5, 1.7];
 /// Measured noise below which the reported deviation is used again, as a ratio to it.
 const STATED: [f64; 2] = [1.5, 1.5];
+/// Safety factor of a measured deviation, which few differences leave uncertain by a fifth.
+const UNCERTAIN: f64 = 1.3;
 /// Median of a sum of two squares of standard normal numbers.
 const MEDIAN_SQUARES: f64 = 1.386;
 
@@ -181,7 +183,7 @@ impl Fixes {
 
     /// Deviation of a fix: as reported, or as measured where that is understated, metres.
     pub(super) fn sigma_m(&self, stated_m: f64) -> f64 {
-        if self.is_understated { self.noise_m.max(stated_m) } else { stated_m }
+        if self.is_understated { (UNCERTAIN * self.noise_m).max(stated_m) } else { stated_m }
     }
 
     /// Records whether the filter accepted the latest fix.
