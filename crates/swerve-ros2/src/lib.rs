@@ -6,7 +6,7 @@
 //! |---|---|
 //! | [`msg`] | messages as ROS defines them, one module per package |
 //! | [`catalogue`] | lists of all messages, roles of topics, and topics of vehicles |
-//! | [`message`] | all messages behind one type |
+//! | [`message`] | the table of all messages, and one type for all of them |
 //! | [`cdr`] | serialization: `decode_any` validates messages of logs and other programs |
 //! | [`check`] | validation of received messages |
 //! | [`convert`] | conversion to and from `swerve-msg`: units, frames, axes, stamps |

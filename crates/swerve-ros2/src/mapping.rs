@@ -25,8 +25,9 @@
 //!
 //! `enabled = false` removes a topic. Problems name the key and the nearest valid one.
 
-pub(crate) mod role;
-pub(crate) mod tables;
+mod qos;
+mod role;
+mod tables;
 
 use std::collections::BTreeMap;
 
@@ -34,59 +35,12 @@ use serde::{Deserialize, Serialize};
 use swerve_text::{Problems, Range, Reading, TableReader, did_you_mean};
 use toml::{Table, Value};
 
+pub use qos::Qos;
 pub use role::{Purpose, Role, Side};
-pub use tables::Vehicle;
+pub use tables::{TopicMap, Vehicle};
 
 use crate::env::Network;
 use crate::message::Kind;
-
-/// Quality of service of a topic.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Qos {
-    /// True to resend lost messages. A reliable reader does not match a best-effort writer.
-    pub reliable: bool,
-    /// True to send earlier messages to late joiners.
-    pub transient_local: bool,
-    /// Depth of the history.
-    pub depth: usize,
-}
-
-impl Qos {
-    /// For sensors: the newest five messages, best-effort.
-    pub const SENSOR: Self = Self { reliable: false, transient_local: false, depth: 5 };
-    /// ROS default: the newest ten messages, reliable.
-    pub const DEFAULT: Self = Self { reliable: true, transient_local: false, depth: 10 };
-    /// For Autoware's vehicle topics: only the newest message, reliable.
-    pub const VEHICLE: Self = Self { reliable: true, transient_local: false, depth: 1 };
-    /// For maps and static transforms: the newest message, also for late joiners.
-    pub const LATCHED: Self = Self { reliable: true, transient_local: true, depth: 1 };
-
-    const NAMES: [(&str, Self); 4] = [
-        ("sensor", Self::SENSOR),
-        ("default", Self::DEFAULT),
-        ("vehicle", Self::VEHICLE),
-        ("latched", Self::LATCHED),
-    ];
-}
-
-/// Mapping of one topic.
-#[derive(Clone, PartialEq, Debug)]
-pub struct TopicMap {
-    /// Name in the mapping.
-    pub name: String,
-    /// Role of the topic.
-    pub role: Role,
-    /// ROS name.
-    pub topic: String,
-    /// The type of its messages.
-    pub kind: Kind,
-    /// Quality of service.
-    pub qos: Qos,
-    /// Frame of the messages; empty if they have none or any is accepted.
-    pub frame: String,
-    /// Rate limit, Hz; `None` for no limit.
-    pub rate_max_hz: Option<f64>,
-}
 
 /// Correlation of requests and replies, which differs between middlewares.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]

@@ -1,11 +1,12 @@
-//! All messages behind one type; they are listed in [`crate::catalogue`].
+//! The table of all messages, and one type for all of them.
 
 use core::fmt;
 
+use serde::de::DeserializeSeed;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-pub use crate::catalogue::{AnyMessage, Kind};
-use crate::check::Check;
+use crate::check::{Check, Invalid, check_numbers};
+use crate::msg::*;
 
 /// A message with a ROS type name.
 pub trait RosMessage:
@@ -115,7 +116,65 @@ macro_rules! messages {
         })*
     };
 }
-pub(crate) use messages;
+
+// Here = in ROS: where its stamp is (in a header, in a field of its own, or nowhere), and how large it is.
+messages! {
+    Image = sensor_msgs::Image: header, large;
+    CompressedImage = sensor_msgs::CompressedImage: header, large;
+    CameraInfo = sensor_msgs::CameraInfo: header, small;
+    PointCloud2 = sensor_msgs::PointCloud2: header, large;
+    Imu = sensor_msgs::Imu: header, small;
+    NavSatFix = sensor_msgs::NavSatFix: header, small;
+    Odometry = nav_msgs::Odometry: header, small;
+    Path = nav_msgs::Path: header, small;
+    PoseStamped = geometry_msgs::PoseStamped: header, small;
+    PoseWithCovarianceStamped = geometry_msgs::PoseWithCovarianceStamped: header, small;
+    TwistStamped = geometry_msgs::TwistStamped: header, small;
+    TwistWithCovarianceStamped = geometry_msgs::TwistWithCovarianceStamped: header, small;
+    AccelWithCovarianceStamped = geometry_msgs::AccelWithCovarianceStamped: header, small;
+    TransformStamped = geometry_msgs::TransformStamped: header, small;
+    Tf = tf2_msgs::TFMessage: none, small;
+    Clock = rosgraph_msgs::Clock: none, small;
+    MarkerArray = visualization_msgs::MarkerArray: none, small;
+    Bool = std_msgs::Bool: none, small;
+    Empty = std_msgs::Empty: none, small;
+    Control = autoware_control_msgs::Control: own, small;
+    VelocityReport = autoware_vehicle_msgs::VelocityReport: header, small;
+    SteeringReport = autoware_vehicle_msgs::SteeringReport: own, small;
+    ControlModeReport = autoware_vehicle_msgs::ControlModeReport: own, small;
+    GearCommand = autoware_vehicle_msgs::GearCommand: own, small;
+    GearReport = autoware_vehicle_msgs::GearReport: own, small;
+    TurnIndicatorsCommand = autoware_vehicle_msgs::TurnIndicatorsCommand: own, small;
+    TurnIndicatorsReport = autoware_vehicle_msgs::TurnIndicatorsReport: own, small;
+    HazardLightsCommand = autoware_vehicle_msgs::HazardLightsCommand: own, small;
+    HazardLightsReport = autoware_vehicle_msgs::HazardLightsReport: own, small;
+    // Publishers at a terminal leave the stamp at zero.
+    Engage = autoware_vehicle_msgs::Engage: none, small;
+    Trajectory = autoware_planning_msgs::Trajectory: header, small;
+    PredictedObjects = autoware_perception_msgs::PredictedObjects: header, small;
+    DataspeedSteeringCmd = ds_dbw_msgs::SteeringCmd: header, small;
+    DataspeedBrakeCmd = ds_dbw_msgs::BrakeCmd: header, small;
+    DataspeedThrottleCmd = ds_dbw_msgs::ThrottleCmd: header, small;
+    DataspeedUlcCmd = ds_dbw_msgs::UlcCmd: header, small;
+    DataspeedGearCmd = ds_dbw_msgs::GearCmd: header, small;
+    DataspeedSteeringReport = ds_dbw_msgs::SteeringReport: header, small;
+    DataspeedBrakeReport = ds_dbw_msgs::BrakeReport: header, small;
+    DataspeedThrottleReport = ds_dbw_msgs::ThrottleReport: header, small;
+    DataspeedUlcReport = ds_dbw_msgs::UlcReport: header, small;
+    DataspeedGearReport = ds_dbw_msgs::GearReport: header, small;
+    DataspeedVehicleVelocity = ds_dbw_msgs::VehicleVelocity: header, small;
+    DataspeedWheelSpeeds = ds_dbw_msgs::WheelSpeeds: header, small;
+    RaptorAcceleratorPedalCmd = raptor_dbw_msgs::AcceleratorPedalCmd: none, small;
+    RaptorBrakeCmd = raptor_dbw_msgs::BrakeCmd: none, small;
+    RaptorSteeringCmd = raptor_dbw_msgs::SteeringCmd: none, small;
+    RaptorGearCmd = raptor_dbw_msgs::GearCmd: none, small;
+    RaptorGlobalEnableCmd = raptor_dbw_msgs::GlobalEnableCmd: none, small;
+    RaptorSteeringReport = raptor_dbw_msgs::SteeringReport: header, small;
+    RaptorAcceleratorPedalReport = raptor_dbw_msgs::AcceleratorPedalReport: header, small;
+    RaptorBrakeReport = raptor_dbw_msgs::BrakeReport: header, small;
+    RaptorMiscReport = raptor_dbw_msgs::MiscReport: header, small;
+    RaptorWheelSpeedReport = raptor_dbw_msgs::WheelSpeedReport: header, small;
+}
 
 impl Kind {
     /// ROS type name, `package/msg/Name`.

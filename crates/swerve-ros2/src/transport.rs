@@ -14,20 +14,19 @@
 mod frame;
 mod process;
 mod session;
+mod shared;
 
-use std::collections::BTreeMap;
 use std::net::Shutdown;
-use std::os::unix::net::UnixStream;
-use std::process::Command;
-use std::sync::mpsc::SyncSender;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 pub use self::process::{Orphan, run};
+pub use self::shared::TransportProcess;
 
 use self::frame::Order;
 use self::session::watch;
+use self::shared::{START_WITHIN, Shared, State, WINDOW};
 use crate::bridge::{
     BridgeError, Direction, Endpoint, EndpointId, Options, PUBLISH_WAIT, PublishError, Received,
     ServiceError, TopicStatistics,
@@ -36,89 +35,16 @@ use crate::cdr;
 use crate::inbox::Inbox;
 use crate::message::AnyMessage;
 
-/// Maximum time for a process to create its node.
-const START_WITHIN: Duration = Duration::from_secs(10);
 /// Maximum time for the process to report its statistics.
 const COUNT_WITHIN: Duration = Duration::from_millis(500);
-/// Maximum number of messages in transit to the process; longer waits would make them stale.
-const WINDOW: usize = 32;
 /// Maximum number of messages that wait here for a reader.
 const DEPTH_MAX: usize = 1000;
-
-/// Start parameters of the process.
-pub struct TransportProcess {
-    /// Command that runs [`run`].
-    pub command: Box<dyn Fn() -> Command + Send>,
-    /// Memory limit, MiB.
-    pub memory_mib: u32,
-    /// Data, in addition to the newest state, that the process needs to continue alone; passed to [`run`] in
-    /// [`Orphan`].
-    pub setup: Vec<u8>,
-}
 
 /// A node with its topics, in a separate process. Ends the process when dropped.
 pub struct Transport {
     endpoints: Vec<Endpoint>,
     shared: Arc<Shared>,
     watch: Option<JoinHandle<()>>,
-}
-
-struct Shared {
-    state: Mutex<State>,
-    news: Condvar,
-}
-
-/// State shared between the threads.
-#[derive(Default)]
-struct State {
-    inboxes: Vec<Inbox<Received>>,
-    /// Endpoint at which the next search for a message starts.
-    search_from: usize,
-    /// Statistics of the running process.
-    counts: Vec<TopicStatistics>,
-    /// Statistics of earlier processes.
-    earlier: Vec<TopicStatistics>,
-    /// Messages dropped because there was no process or it was too slow, by endpoint.
-    not_handed_on: Vec<u64>,
-    /// Session with the running process, while it has a node.
-    session: Option<Session>,
-    /// Messages in transit to the process.
-    on_their_way: usize,
-    asked: u64,
-    answers: BTreeMap<u64, Result<bool, String>>,
-    modes: Vec<u8>,
-    /// Reasons for the ends of processes that have not been taken yet.
-    losses: Vec<String>,
-    lost: u64,
-    /// Result of starting the first process.
-    began: Option<Result<(), String>>,
-    is_ending: bool,
-    has_ended: bool,
-    /// Number of requested statistics received.
-    counted: u64,
-}
-
-/// Connection to a process.
-struct Session {
-    orders: SyncSender<Order>,
-    socket: UnixStream,
-}
-
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // The updates leave the state consistent even if a holder of the lock panics.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn wait(
-        &self,
-        timeout: Duration,
-        mut reached: impl FnMut(&State) -> bool,
-    ) -> (MutexGuard<'_, State>, bool) {
-        let waited = self.news.wait_timeout_while(self.lock(), timeout, |state| !reached(state));
-        let (state, result) = waited.unwrap_or_else(PoisonError::into_inner);
-        (state, !result.timed_out())
-    }
 }
 
 impl Transport {
@@ -338,6 +264,8 @@ impl Drop for Transport {
 
 #[cfg(test)]
 mod tests {
+    use std::process::Command;
+
     use super::*;
     use crate::env::Network;
     use crate::mapping::{Mapping, Side, Vehicle};

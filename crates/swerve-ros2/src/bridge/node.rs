@@ -1,7 +1,7 @@
 //! The node over DDS.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use ros2_client::dds::{Context, Node, Publisher, Subscription};
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions, WriteError};
 
-use super::receive::{self, Local, State};
+use super::receive::{self, Local, Shared, State};
 use super::service::{self, ControlModeClient, ControlModeServer};
 use super::{
     BridgeError, Direction, Endpoint, EndpointId, Options, PUBLISH_WAIT, PublishError, Received,
@@ -47,19 +47,6 @@ struct NodeParts {
 struct Sent {
     published: AtomicU64,
     failed: AtomicU64,
-}
-
-/// State shared between the receiving thread and the readers.
-pub(super) struct Shared {
-    pub(super) state: Mutex<State>,
-    pub(super) news: Condvar,
-}
-
-impl Shared {
-    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        // The updates leave the state consistent even if a holder of the lock panics.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Bridge {

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use futures::channel::oneshot;
 use futures::stream::{self, LocalBoxStream, StreamExt};
@@ -12,7 +13,6 @@ use ros2_client::dds::rustdds::{
 };
 use ros2_client::{Gid, MessageInfo, ReadError, ReadResult};
 
-use super::node::Shared;
 use super::statistics::{Counters, TopicStatistics};
 use super::{Direction, Endpoint, Received, WriterGuid};
 use crate::clock::{ClockEstimator, ClockParams};
@@ -256,5 +256,18 @@ fn follow(state: &mut State, local: &Local, status: &Status) {
             }
         }
         _ => {}
+    }
+}
+
+/// State shared between the receiving thread and the readers.
+pub(super) struct Shared {
+    pub(super) state: Mutex<State>,
+    pub(super) news: Condvar,
+}
+
+impl Shared {
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        // The updates leave the state consistent even if a holder of the lock panics.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

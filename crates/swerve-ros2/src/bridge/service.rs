@@ -7,7 +7,7 @@ use ros2_client::dds::{Client, Node, Server, ServiceMapping};
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
 use ros2_client::{Message, Name, ServiceTypeName};
 
-use super::node::Shared;
+use super::receive::Shared;
 use super::{BridgeError, PUBLISH_WAIT, ServiceError, ServiceSide};
 use crate::mapping::ServiceMap;
 use crate::msg::autoware_vehicle_msgs::{ControlModeCommandRequest, ControlModeCommandResponse};

@@ -1,13 +1,12 @@
-//! Topics of known vehicles, from the rows of [`crate::catalogue`].
+//! The table of all known vehicles, and their topics.
 
-use super::{Qos, Role, TopicMap};
+use super::qos::Qos;
+use super::role::Role;
 use crate::message::Kind;
-
-pub use crate::catalogue::Vehicle;
 
 /// A topic of a vehicle.
 #[derive(Clone, Copy)]
-pub(crate) struct Row {
+struct Row {
     role: Role,
     topic: &'static str,
     frame: &'static str,
@@ -16,12 +15,12 @@ pub(crate) struct Row {
 }
 
 /// A topic with the default type of its role; `frame` is empty if its messages have none.
-pub(crate) const fn row(role: Role, topic: &'static str, frame: &'static str) -> Row {
+const fn row(role: Role, topic: &'static str, frame: &'static str) -> Row {
     Row { role, topic, frame, by_wire: None }
 }
 
 /// A topic of a drive-by-wire interface with a vendor-specific type.
-pub(crate) const fn by_wire(role: Role, topic: &'static str, kind: Kind) -> Row {
+const fn by_wire(role: Role, topic: &'static str, kind: Kind) -> Row {
     Row { role, topic, frame: "", by_wire: Some(kind) }
 }
 
@@ -42,13 +41,117 @@ macro_rules! vehicles {
                 match self { $(Self::$vehicle => $name,)* }
             }
 
-            pub(crate) fn tables(self) -> &'static [&'static [Row]] {
+            fn tables(self) -> &'static [&'static [Row]] {
                 match self { $(Self::$vehicle => &[$(&$table),+],)* }
             }
         }
     };
 }
-pub(crate) use vehicles;
+
+/// Topics of all vehicles.
+const COMMON: [Row; 6] = [
+    row(Role::Clock, "/clock", ""),
+    row(Role::Tf, "/tf", ""),
+    row(Role::TfStatic, "/tf_static", ""),
+    row(Role::Trajectory, "/planning/trajectory", "map"),
+    row(Role::Path, "/swerve/path", "map"),
+    row(Role::Markers, "/swerve/markers", "map"),
+];
+
+/// Autoware's names of sensors, localization and vehicle interface.
+const AUTOWARE: [Row; 21] = [
+    row(Role::Camera, "/sensing/camera/camera0/image_raw", "camera0/camera_optical_link"),
+    row(
+        Role::CameraCompressed,
+        "/sensing/camera/camera0/image_raw/compressed",
+        "camera0/camera_optical_link",
+    ),
+    row(Role::CameraInfo, "/sensing/camera/camera0/camera_info", "camera0/camera_optical_link"),
+    row(Role::Lidar, "/sensing/lidar/top/pointcloud_raw", "lidar_top"),
+    row(Role::Imu, "/sensing/imu/imu_raw", "imu_link"),
+    row(Role::Gnss, "/sensing/gnss/nav_sat_fix", "gnss_link"),
+    row(Role::Odometry, "/localization/kinematic_state", "map"),
+    row(Role::Acceleration, "/localization/acceleration", "base_link"),
+    row(Role::Objects, "/perception/object_recognition/objects", "map"),
+    row(Role::Velocity, "/vehicle/status/velocity_status", "base_link"),
+    row(Role::Steering, "/vehicle/status/steering_status", ""),
+    row(Role::ControlMode, "/vehicle/status/control_mode", ""),
+    row(Role::Gear, "/vehicle/status/gear_status", ""),
+    row(Role::TurnIndicators, "/vehicle/status/turn_indicators_status", ""),
+    row(Role::HazardLights, "/vehicle/status/hazard_lights_status", ""),
+    row(Role::Command, "/control/command/control_cmd", ""),
+    row(Role::GearCommand, "/control/command/gear_cmd", ""),
+    row(Role::TurnIndicatorsCommand, "/control/command/turn_indicators_cmd", ""),
+    row(Role::HazardLightsCommand, "/control/command/hazard_lights_cmd", ""),
+    row(Role::Enable, "/autoware/engage", ""),
+    row(Role::Disable, "/swerve/disable", ""),
+];
+
+/// Usual ROS names of sensors and localization.
+const PLAIN: [Row; 8] = [
+    row(Role::Camera, "/camera/image_raw", "camera_optical_frame"),
+    row(Role::CameraCompressed, "/camera/image_raw/compressed", "camera_optical_frame"),
+    row(Role::CameraInfo, "/camera/camera_info", "camera_optical_frame"),
+    row(Role::Lidar, "/points", "lidar"),
+    row(Role::Imu, "/imu/data", "imu_link"),
+    row(Role::Gnss, "/fix", "gps"),
+    row(Role::Odometry, "/odometry", "map"),
+    row(Role::Objects, "/objects", "map"),
+];
+
+/// Dataspeed's drive-by-wire.
+const DATASPEED: [Row; 14] = [
+    by_wire(Role::Velocity, "/vehicle/vehicle_velocity", Kind::DataspeedVehicleVelocity),
+    by_wire(Role::WheelSpeeds, "/vehicle/wheel_speeds", Kind::DataspeedWheelSpeeds),
+    by_wire(Role::Steering, "/vehicle/steering/report", Kind::DataspeedSteeringReport),
+    by_wire(Role::Brake, "/vehicle/brake/report", Kind::DataspeedBrakeReport),
+    by_wire(Role::Throttle, "/vehicle/throttle/report", Kind::DataspeedThrottleReport),
+    by_wire(Role::Gear, "/vehicle/gear/report", Kind::DataspeedGearReport),
+    by_wire(Role::Enabled, "/vehicle/dbw_enabled", Kind::Bool),
+    by_wire(Role::SteeringCommand, "/vehicle/steering/cmd", Kind::DataspeedSteeringCmd),
+    by_wire(Role::BrakeCommand, "/vehicle/brake/cmd", Kind::DataspeedBrakeCmd),
+    by_wire(Role::ThrottleCommand, "/vehicle/throttle/cmd", Kind::DataspeedThrottleCmd),
+    by_wire(Role::SpeedCommand, "/vehicle/ulc/cmd", Kind::DataspeedUlcCmd),
+    by_wire(Role::GearCommand, "/vehicle/gear/cmd", Kind::DataspeedGearCmd),
+    by_wire(Role::Enable, "/vehicle/enable", Kind::Empty),
+    by_wire(Role::Disable, "/vehicle/disable", Kind::Empty),
+];
+
+/// New Eagle's Raptor.
+const RAPTOR: [Row; 12] = [
+    by_wire(Role::WheelSpeeds, "/raptor_dbw_interface/wheel_speed_report", Kind::RaptorWheelSpeedReport),
+    by_wire(Role::Steering, "/raptor_dbw_interface/steering_report", Kind::RaptorSteeringReport),
+    by_wire(Role::Brake, "/raptor_dbw_interface/brake_report", Kind::RaptorBrakeReport),
+    by_wire(
+        Role::Throttle,
+        "/raptor_dbw_interface/accelerator_pedal_report",
+        Kind::RaptorAcceleratorPedalReport,
+    ),
+    by_wire(Role::Miscellaneous, "/raptor_dbw_interface/misc_report", Kind::RaptorMiscReport),
+    by_wire(Role::Enabled, "/raptor_dbw_interface/dbw_enabled", Kind::Bool),
+    by_wire(Role::SteeringCommand, "/raptor_dbw_interface/steering_cmd", Kind::RaptorSteeringCmd),
+    by_wire(Role::BrakeCommand, "/raptor_dbw_interface/brake_cmd", Kind::RaptorBrakeCmd),
+    by_wire(
+        Role::ThrottleCommand,
+        "/raptor_dbw_interface/accelerator_pedal_cmd",
+        Kind::RaptorAcceleratorPedalCmd,
+    ),
+    by_wire(Role::GearCommand, "/raptor_dbw_interface/gear_cmd", Kind::RaptorGearCmd),
+    by_wire(Role::Enable, "/raptor_dbw_interface/global_enable_cmd", Kind::RaptorGlobalEnableCmd),
+    by_wire(Role::Disable, "/raptor_dbw_interface/disable", Kind::Empty),
+];
+
+vehicles! {
+    /// Autoware's vehicle interface.
+    #[default]
+    Autoware = "autoware": [COMMON, AUTOWARE];
+    /// Dataspeed's drive-by-wire.
+    Dataspeed = "dataspeed": [COMMON, PLAIN, DATASPEED];
+    /// New Eagle's Raptor.
+    Raptor = "raptor": [COMMON, PLAIN, RAPTOR];
+    /// No drive-by-wire: sensors and localization under the usual ROS names.
+    Plain = "plain": [COMMON, PLAIN];
+}
 
 impl Row {
     fn topic(self) -> TopicMap {
@@ -77,4 +180,23 @@ pub(super) fn topics(vehicle: Vehicle) -> Vec<TopicMap> {
     let mut topics: Vec<TopicMap> = rows.map(|row| row.topic()).collect();
     topics.sort_by(|a, b| a.name.cmp(&b.name));
     topics
+}
+
+/// Mapping of one topic.
+#[derive(Clone, PartialEq, Debug)]
+pub struct TopicMap {
+    /// Name in the mapping.
+    pub name: String,
+    /// Role of the topic.
+    pub role: Role,
+    /// ROS name.
+    pub topic: String,
+    /// The type of its messages.
+    pub kind: Kind,
+    /// Quality of service.
+    pub qos: Qos,
+    /// Frame of the messages; empty if they have none or any is accepted.
+    pub frame: String,
+    /// Rate limit, Hz; `None` for no limit.
+    pub rate_max_hz: Option<f64>,
 }

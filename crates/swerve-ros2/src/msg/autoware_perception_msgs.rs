@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Duration;
 use super::geometry_msgs::{
-    AccelWithCovariance, Polygon, Pose, PoseWithCovariance, TwistWithCovariance, Vector3,
+    AccelWithCovariance, Polygon, Pose, PoseWithCovariance, TwistWithCovariance, Vector3, pose, twist,
 };
 use super::std_msgs::Header;
-use crate::check::parts::{frame, pose, twist};
+use crate::check::parts::frame;
 use crate::check::{Check, Invalid, within};
 
 /// Identifier of an object.

@@ -5,9 +5,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Duration;
-use super::geometry_msgs::Pose;
+use super::geometry_msgs::{Pose, pose};
 use super::std_msgs::Header;
-use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, frame, pose};
+use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, frame};
 use crate::check::{Check, Invalid, within};
 
 /// Pose of base_link at an instant, and its motion there.

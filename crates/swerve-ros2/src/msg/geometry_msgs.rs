@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Matrix;
 use super::std_msgs::Header;
-use crate::check::parts::{ACCEL_MAX_MPS2, frame, pose, transform, twist, variances};
-use crate::check::{Check, Invalid, within};
+use crate::check::parts::{ACCEL_MAX_MPS2, SPEED_MAX_MPS, TURN_MAX_RADPS, frame, variances};
+use crate::check::{Check, Invalid, Why, invalid, within};
+
+/// Maximum deviation of a quaternion's norm from one.
+const QUATERNION_TOLERANCE: f64 = 0.01;
 
 /// A position, metres.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -191,4 +194,30 @@ impl Check for TransformStamped {
         frame("child_frame_id", &self.child_frame_id)?;
         transform("transform", &self.transform)
     }
+}
+
+pub(crate) fn quaternion(field: &str, q: &Quaternion) -> Result<(), Invalid> {
+    let length = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
+    if (length - 1.0).abs() <= QUATERNION_TOLERANCE {
+        return Ok(());
+    }
+    invalid(field, Why::Quaternion(length))
+}
+
+pub(crate) fn pose(field: &str, pose: &Pose) -> Result<(), Invalid> {
+    quaternion(&format!("{field}.orientation"), &pose.orientation)
+}
+
+pub(crate) fn twist(field: &str, twist: &Twist) -> Result<(), Invalid> {
+    for (axis, v) in [("x", twist.linear.x), ("y", twist.linear.y), ("z", twist.linear.z)] {
+        within(&format!("{field}.linear.{axis}"), v, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+    }
+    for (axis, v) in [("x", twist.angular.x), ("y", twist.angular.y), ("z", twist.angular.z)] {
+        within(&format!("{field}.angular.{axis}"), v, -TURN_MAX_RADPS, TURN_MAX_RADPS)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn transform(field: &str, transform: &Transform) -> Result<(), Invalid> {
+    quaternion(&format!("{field}.rotation"), &transform.rotation)
 }

@@ -4,9 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::geometry_msgs::{PoseStamped, PoseWithCovariance, TwistWithCovariance};
+use super::geometry_msgs::{PoseStamped, PoseWithCovariance, TwistWithCovariance, pose, twist};
 use super::std_msgs::Header;
-use crate::check::parts::{frame, pose, twist, variances};
+use crate::check::parts::{frame, variances};
 use crate::check::{Check, Invalid};
 
 /// Pose of `child_frame_id` in the header's frame; the twist is in `child_frame_id`.

@@ -5,9 +5,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::Matrix;
-use super::geometry_msgs::{Quaternion, Vector3};
+use super::geometry_msgs::{Quaternion, Vector3, quaternion};
 use super::std_msgs::Header;
-use crate::check::parts::{ACCEL_MAX_MPS2, TURN_MAX_RADPS, quaternion, variances, variances_or_none};
+use crate::check::parts::{ACCEL_MAX_MPS2, TURN_MAX_RADPS, variances, variances_or_none};
 use crate::check::{Check, IMAGE_SIDE_MAX, Invalid, POINTS_MAX, Why, invalid, within};
 
 /// An image, row by row from the top left; `step` is the length of a row, bytes.

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use super::frame::{News, Order, read, write};
 use super::process::HANGS;
-use super::{START_WITHIN, Session, Shared, State, TransportProcess, WINDOW};
+use super::shared::{START_WITHIN, Session, Shared, State, TransportProcess, WINDOW};
 use crate::bridge::{Options, Received};
 use crate::cdr;
 
