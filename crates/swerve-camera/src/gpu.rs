@@ -2,11 +2,14 @@
 
 mod cells;
 mod encode;
+mod instance;
+mod layout;
 mod lens_points;
 mod maps;
 mod meshes;
 mod pipelines;
 mod plan;
+mod prepared;
 mod read_back;
 mod records;
 mod renderer;

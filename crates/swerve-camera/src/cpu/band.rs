@@ -4,7 +4,8 @@ use swerve_scene::SemanticClass;
 use wide::f32x8;
 
 use super::geometry::Chunk;
-use super::raster::{ID_BITS, NONE, ZBuffer, draw_band};
+use super::id::{ID_BITS, NONE};
+use super::raster::{ZBuffer, draw_band};
 use super::rows::Rows;
 use super::shade::{Shading, TriangleCache};
 use crate::frontend::lens::LensMap;

@@ -5,7 +5,7 @@ use core::ops::Range;
 use swerve_geom::{Map, Transform};
 use swerve_scene::{Body, Mesh, MeshId, Scene};
 
-use super::raster::ID_BITS;
+use super::id::ID_BITS;
 use crate::View;
 use crate::frontend::pinhole::Frustum;
 use crate::frontend::pose::{narrow, pose_after, rotate, rotation_rows};

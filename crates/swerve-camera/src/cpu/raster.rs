@@ -3,13 +3,8 @@
 use wide::f32x4;
 
 use super::geometry::{Chunk, TriRaster};
+use super::id::{ID_BITS, NONE};
 use crate::frontend::BAND;
-
-/// Id of a pixel that shows only sky.
-pub(super) const NONE: u32 = u32::MAX;
-
-/// Bits of an id for the triangle within its chunk; the other bits are the chunk.
-pub(super) const ID_BITS: u32 = 20;
 
 /// Nearest surfaces of some rows.
 pub(super) struct ZBuffer<'a> {

@@ -1,60 +1,19 @@
 //! Shading of surfaces, eight pixels at a time, once per pixel.
 
+mod inputs;
 mod lanes;
 pub(super) mod light;
 mod lookup;
 
+pub(super) use inputs::{ParallelRays, PixelRays, Shading};
 pub(super) use lanes::TriangleCache;
 
-use super::geometry::{Chunk, TriShade};
-use super::raster::{ID_BITS, NONE};
-use super::shadow_maps::ShadowMaps;
-use crate::frontend::lamp::Lamp;
-use crate::frontend::light::Environment;
+use super::geometry::TriShade;
+use super::id::{ID_BITS, NONE};
 use crate::frontend::surface::{Surface, flag, slot};
 use crate::frontend::texture;
 use lanes::{F, Lanes, V, clamp01, columns, dot8, mix8, splat, splat3, splats};
 use light::{Gloss, Lit, daylight, ground_tone, through_fog};
-
-/// Inputs of shading.
-#[derive(Clone, Copy)]
-pub(super) struct Shading<'a> {
-    pub(super) chunks: &'a [Chunk],
-    pub(super) surfaces: &'a [Surface],
-    pub(super) environment: &'a Environment,
-    pub(super) maps: &'a ShadowMaps,
-    pub(super) lamps: &'a [Lamp],
-    pub(super) tiles: &'a [u32],
-    /// Direction of the ray of a pixel, map frame, depth 1: `ray[0] x + ray[1] y + ray[2]`.
-    pub(super) ray: [[f32; 3]; 3],
-    /// Camera position relative to the centre of the shadow maps' cell.
-    pub(super) eye: [f32; 3],
-    /// Start and end of the rays, for an orthographic image.
-    pub(super) flat: Option<ParallelRays>,
-    /// Pixels per unit of `x/z`.
-    pub(super) focal: f32,
-}
-
-/// Parallel rays.
-#[derive(Clone, Copy)]
-pub(super) struct ParallelRays {
-    /// Origin of a pixel's ray, with factors as in [`Shading::ray`].
-    pub(super) origin: [[f32; 3]; 3],
-    /// Far depth.
-    pub(super) far: f32,
-}
-
-/// Eight pixels and their rays.
-pub(super) struct PixelRays {
-    /// Positions in the pinhole image.
-    x: F,
-    y: F,
-    /// Direction with depth 1, map frame.
-    ray: V,
-    /// Unit direction, map frame.
-    direction: V,
-    length: F,
-}
 
 impl Shading<'_> {
     /// Shades the pixels with centres `(x, y)` in the pinhole image that show the triangles `ids`.

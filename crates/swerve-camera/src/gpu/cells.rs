@@ -5,30 +5,16 @@ use core::ops::Range;
 use swerve_geom::{Map, Point, Transform};
 use swerve_scene::{Motion, Scene};
 
+use super::instance::{self, DrawInstance};
 use super::maps::Corners;
-use super::plan::{self, ClusterRanges, DrawInstance};
+use super::plan::ClusterRanges;
+use super::prepared::{Cell, FIXED, MOVING};
 use super::renderer::GpuRenderer;
 use crate::frame::Outputs;
 use crate::frontend::light::Environment;
 use crate::frontend::pinhole::{Frustum, Pinhole};
 use crate::frontend::shadow::{Footprint, UP, cell, is_shadow_seen, maps_key};
 use crate::{Exposure, View};
-
-/// Cell with cameras in it.
-pub(super) struct Cell {
-    pub(super) centre: [f64; 3],
-    /// First rows of the static and of the moving items.
-    pub(super) items: [u32; 2],
-    /// Index of the maps of sun and sky, if colour is requested.
-    pub(super) maps: Option<usize>,
-    /// True if the maps contain a moving instance.
-    pub(super) moves: bool,
-}
-
-/// Index of static instances in pairs of maps, items and the like.
-pub(super) const FIXED: usize = 0;
-/// Index of moving instances.
-pub(super) const MOVING: usize = 1;
 
 /// Drawing job for the maps of a cell.
 pub(super) struct MapJob {
@@ -133,7 +119,7 @@ impl GpuRenderer {
         self.records.rows.extend_from_slice(self.statics.around(scene, centre));
         let first_moving = self.records.next();
         for (placed, instance) in scene.dynamics.iter().zip(moving) {
-            plan::write_item(&mut self.records, &placed.map_from_body, centre, instance.surfaces);
+            instance::write_item(&mut self.records, &placed.map_from_body, centre, instance.surfaces);
         }
         Cell { centre, items: [fixed, first_moving], maps: None, moves: false }
     }
@@ -171,7 +157,7 @@ impl GpuRenderer {
             let Some(sun) = sun else { return };
             for (k, instance) in instances.iter().enumerate().filter(|(_, instance)| casts(instance)) {
                 add(instance.shape, first + 4 * k as u32, sun_record);
-                moved[0].push(plan::corners_in_sun(instance, cell.centre, sun));
+                moved[0].push(instance::corners_in_sun(instance, cell.centre, sun));
             }
         });
         let from = listed.all.len() as u32;
@@ -180,7 +166,7 @@ impl GpuRenderer {
             let mesh = scene.meshes.get(placed.mesh);
             if let Some(footprint) = Footprint::new(mesh, placed, cell.centre) {
                 listed.all.push([records.footprint(&footprint), 0, 0, 0]);
-                moved[1].push(plan::corners_in_sky(&footprint));
+                moved[1].push(instance::corners_in_sky(&footprint));
             }
         }
         let footprints = from..listed.all.len() as u32;

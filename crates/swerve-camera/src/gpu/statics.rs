@@ -2,8 +2,8 @@
 
 use swerve_scene::Scene;
 
+use super::instance::{self, DrawInstance};
 use super::meshes::MeshStore;
-use super::plan::{self, DrawInstance};
 use super::records::{Records, Row};
 
 /// Static part of a scene on the device, keyed by content.
@@ -47,7 +47,7 @@ impl Statics {
             }
             let mut records = Records::default();
             for (placed, instance) in scene.statics().instances().iter().zip(instances) {
-                plan::write_item(&mut records, &placed.map_from_body, centre, instance.surfaces);
+                instance::write_item(&mut records, &placed.map_from_body, centre, instance.surfaces);
             }
             items.push((centre, records.rows));
             items.len() - 1

@@ -2,9 +2,11 @@
 
 use swerve_scene::{Instance, Motion, Scene};
 
-use super::cells::{Cell, FIXED, MOVING, cell_of};
-use super::lens_points::LensImage;
-use super::plan::{self, ClusterRanges, DrawInstance, ImageLayout, PlacedSubFrame, Round};
+use super::cells::cell_of;
+use super::instance::{self, DrawInstance};
+use super::layout::ImageLayout;
+use super::plan::{ClusterRanges, PlacedSubFrame, Round};
+use super::prepared::{Cell, FIXED, MOVING, PreparedView, Shown};
 use super::records::{Clip, NONE, SUB_FRAME_ROWS, SubFrameRecord, ViewContext, switch};
 use super::renderer::GpuRenderer;
 use crate::View;
@@ -15,17 +17,6 @@ use crate::frontend::pose::{pose_after, rotation_rows};
 use crate::frontend::sensor::Sensor;
 use crate::frontend::texture::Tiles;
 use crate::frontend::viewpoint::Viewpoint;
-
-/// View prepared for its sub-frames.
-pub(super) struct PreparedView<'a> {
-    pub(super) view: &'a View<'a>,
-    pub(super) outputs: Outputs,
-    pub(super) cell: usize,
-    pub(super) lens: Option<LensImage>,
-    /// Row of its record.
-    record: u32,
-    layout: ImageLayout,
-}
 
 /// Sub-frames of one cell that are shaded by one dispatch.
 pub(super) struct Dispatch {
@@ -39,14 +30,6 @@ pub(super) struct Dispatch {
 pub(super) struct RoundCommands {
     pub(super) sub_frames: Vec<(PlacedSubFrame, ClusterRanges)>,
     pub(super) dispatches: Vec<Dispatch>,
-}
-
-/// Inputs of the sub-frames of a submission.
-pub(super) struct Shown<'a> {
-    pub(super) scene: &'a Scene,
-    pub(super) moving: &'a [DrawInstance],
-    pub(super) views: &'a [PreparedView<'a>],
-    pub(super) cells: &'a [Cell],
 }
 
 impl GpuRenderer {
@@ -184,7 +167,7 @@ impl GpuRenderer {
                 let pose = pose_after(&placed.map_from_body, &placed.motion, sub_frame.at_s);
                 if is_seen(instance.middle_at(&pose), instance.radius()) {
                     let item = records.next();
-                    plan::write_item(records, &pose, cell.centre, instance.surfaces);
+                    instance::write_item(records, &pose, cell.centre, instance.surfaces);
                     add(instance.shape, item, at);
                 }
             };

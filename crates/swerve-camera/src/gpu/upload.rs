@@ -2,8 +2,8 @@
 
 use swerve_gpu::wgpu;
 
+use super::layout::ImageWords;
 use super::meshes::CLUSTER;
-use super::plan::ImageWords;
 use super::records::SUB_FRAME_ROWS;
 use super::renderer::GpuRenderer;
 use super::sub_frames::RoundCommands;

@@ -2,7 +2,7 @@
 
 use wide::{f32x4, f32x8};
 
-use crate::cpu::raster::NONE;
+use crate::cpu::id::NONE;
 
 pub(super) type F = f32x8;
 pub(super) type V = [F; 3];

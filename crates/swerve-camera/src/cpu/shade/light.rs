@@ -2,8 +2,8 @@
 
 use swerve_scene::vector::scale;
 
+use super::inputs::{PixelRays, Shading};
 use super::lanes::{F, V, clamp01, dot8, mix8, splat, splat3};
-use super::{PixelRays, Shading};
 use crate::frontend::light::Environment;
 
 /// Gloss of a surface, and the visibility of the sources that it reflects.

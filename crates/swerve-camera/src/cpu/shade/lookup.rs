@@ -2,7 +2,7 @@
 
 use wide::i32x8;
 
-use super::Shading;
+use super::inputs::Shading;
 use super::lanes::{F, V, clamp01, dot8, splat, splat3};
 use crate::frontend::{shadow, texture};
 
