@@ -15,10 +15,9 @@ use swerve_vehicle::{Limits, Shape};
 use crate::lateral::{self, OnPath};
 use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
-use crate::speed::{SpeedLaw, Target};
+use crate::speed::{SpeedLaw, Stop, Target};
 use crate::{AccelToPedals, Pedals, pid};
 use reckoning::Reckoning;
-use stop::Stop;
 
 pub use params::{AlongParams, Following, Law, Params, StopParams};
 

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Ranges;
+use swerve_core::{Ranges, Time};
 
 use crate::{AccelToPedals, Pedals};
 
@@ -82,6 +82,22 @@ impl SpeedLaw {
     pub fn step(&mut self, target: Target, speed_mps: f64, dt_s: f64, drive: &dyn AccelToPedals) -> Pedals {
         let accel = self.accel(target, speed_mps, dt_s);
         drive.pedals(accel, speed_mps)
+    }
+}
+
+/// A stop: start time, initial speed and deceleration.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Stop {
+    pub(crate) since: Time,
+    pub(crate) from_mps: f64,
+    pub(crate) decel_mps2: f64,
+}
+
+impl Stop {
+    /// Target speed and acceleration.
+    pub(crate) fn target(&self, instant: Time) -> Target {
+        let left_mps = (self.from_mps - self.decel_mps2 * (instant - self.since).as_secs()).max(0.0);
+        Target { speed_mps: left_mps, accel_mps2: if left_mps > 0.0 { -self.decel_mps2 } else { 0.0 } }
     }
 }
 

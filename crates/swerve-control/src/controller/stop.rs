@@ -15,23 +15,7 @@ use swerve_msg::EgoState;
 
 use super::{Drive, Here, Input, Law, LawController};
 use crate::Pedals;
-use crate::speed::{SpeedLaw, Target};
-
-/// A stop: start time, initial speed and deceleration.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Stop {
-    since: Time,
-    from_mps: f64,
-    decel_mps2: f64,
-}
-
-impl Stop {
-    /// Target speed and acceleration.
-    pub(super) fn target(&self, instant: Time) -> Target {
-        let left_mps = (self.from_mps - self.decel_mps2 * (instant - self.since).as_secs()).max(0.0);
-        Target { speed_mps: left_mps, accel_mps2: if left_mps > 0.0 { -self.decel_mps2 } else { 0.0 } }
-    }
-}
+use crate::speed::{SpeedLaw, Stop};
 
 impl LawController {
     /// Returns true if a state is finite and recent enough for control.

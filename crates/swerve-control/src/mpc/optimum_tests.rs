@@ -3,6 +3,7 @@
 use super::stages::{STEERING, Stage, Values, left_sides};
 use super::*;
 use swerve_core::Rng;
+use swerve_geom::Pose2;
 
 const WHEELBASE_M: f64 = 2.85;
 

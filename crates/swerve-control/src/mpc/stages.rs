@@ -5,8 +5,9 @@
 //! steering, acceleration and speed, and the lateral deviation up to the slack. Quadratic costs are diagonal and
 //! constant, since deviations are measured in the axes of each knot.
 
+use super::knot::Knot;
 use super::model::{self, Linear, N_INPUTS, N_STATES, State};
-use super::{Bounds, Knot, Weights};
+use super::params::Weights;
 
 /// Inequalities of one step, in the order of [`Stage::limits`]: both signs of steering rate, jerk, steering and
 /// acceleration, then speed, the corridor to the left and to the right, and the sign of the slack.
@@ -182,4 +183,15 @@ impl WayBack {
             speed_max_mps: bounds.speed_max_mps.max(self.speed + ROOM),
         }
     }
+}
+
+/// Hard bounds.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Bounds {
+    pub(crate) steering_max_rad: f64,
+    pub(crate) steering_rate_max_radps: f64,
+    pub(crate) accel_min_mps2: f64,
+    pub(crate) accel_max_mps2: f64,
+    pub(crate) jerk_max_mps3: f64,
+    pub(crate) speed_max_mps: f64,
 }

@@ -2,7 +2,7 @@ use super::*;
 use crate::bicycle::{self, DRIVE, WHEELBASE_M, curve, ego, lane_change, road, slalom};
 use crate::{AccelToPedals, Controller as _, Following, Input, Law, LawController};
 use swerve_core::Rng;
-use swerve_geom::Polyline;
+use swerve_geom::{Polyline, Pose2};
 use swerve_msg::{EgoState, Plan, Route};
 use swerve_vehicle::Shape;
 
