@@ -16,6 +16,7 @@ mod past;
 mod predictor;
 pub mod recorded;
 pub mod road;
+mod wander;
 
 pub use history::{History, HistoryParams};
 pub use predictor::{

@@ -7,10 +7,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
-use swerve_geom::{Point2, Pose2, Vector2};
-use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
+use swerve_geom::{Pose2, Vector2};
+use swerve_msg::{PredictedPose, Prediction, PredictionList, Track, TrackList};
 
-use crate::predictor::wander;
+use crate::wander::wander;
 
 /// Treatment of an obstacle with a single sighting.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -27,9 +27,6 @@ pub enum SingleSighting {
 /// seem to move at some decimetres per second in any direction, and a truck predicted across its lane would block the
 /// next one.
 pub(crate) const HEADING_SPEED_MPS: f64 = 0.5;
-
-/// Significance of a motion or a deceleration, in standard errors.
-const DEVIATIONS: f64 = 3.0;
 
 /// Parameters of the linear predictor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -115,44 +112,12 @@ pub(crate) fn predict_track(track: &Track, stamp: Time, params: &Params) -> Pred
     Prediction { id, kind, extent, probability: 1.0, path, covariances_m2 }
 }
 
-/// Motion at constant velocity.
-#[derive(Clone, Copy)]
-struct Line {
-    /// Position at the stamp.
-    point: Point2,
-    velocity_mps: Vector2,
-}
-
-impl Line {
-    /// Least-squares fit of a straight motion to `sightings`, evaluated at `stamp`. `None` for fewer than two
-    /// instants.
-    fn fit(sightings: &[Sighting], stamp: Time) -> Option<Self> {
-        let n = sightings.len() as f64;
-        let (mut t_mean, mut x_mean, mut y_mean) = (0.0, 0.0, 0.0);
-        for sighting in sightings {
-            t_mean += (sighting.at - stamp).as_secs() / n;
-            x_mean += sighting.point.x_m / n;
-            y_mean += sighting.point.y_m / n;
-        }
-        let (mut tt, mut tx, mut ty) = (0.0, 0.0, 0.0);
-        for sighting in sightings {
-            let t = (sighting.at - stamp).as_secs() - t_mean;
-            tt += t * t;
-            tx += t * (sighting.point.x_m - x_mean);
-            ty += t * (sighting.point.y_m - y_mean);
-        }
-        if sightings.len() < 2 || tt <= 0.0 {
-            return None;
-        }
-        let velocity_mps = Vector2::new(tx / tt, ty / tt);
-        Some(Self { point: Point2::new(x_mean, y_mean) + velocity_mps * -t_mean, velocity_mps })
-    }
-}
-
 mod braking;
+mod line;
 mod rest;
 
 pub(crate) use braking::Braking;
+use line::Line;
 pub(crate) use rest::{REST_MPS, settled};
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
-//! Small neural nets: matrices, automatic differentiation, Adam, and weight files.
+//! Small neural nets: matrices, automatic differentiation and Adam.
 //!
 //! All computations are in `f32`, summed in a fixed order by one thread, with exponentials from `libm` or, for
 //! inference of recurrent units, a polynomial: the same bits on every machine. Rows are examples, columns features.
 
 mod adam;
-mod file;
 mod forward;
 #[cfg(test)]
 pub(crate) mod gradients;
@@ -15,7 +14,6 @@ mod tape;
 mod tests;
 
 pub(crate) use adam::Adam;
-pub use file::{Weights, WeightsError};
 pub(crate) use heads::{Normal, distance, ln_sum};
 pub(crate) use matrix::Matrix;
 pub(crate) use tape::{Node, Tape};

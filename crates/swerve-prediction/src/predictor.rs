@@ -24,7 +24,6 @@ use crate::lanes::LaneGraph;
 use crate::learned::{Model, Weights};
 use crate::past::Past;
 
-pub(crate) use drawn::wander;
 pub use truth::{Telling, Told, foretold};
 
 /// A predictor: from tracks to predictions.

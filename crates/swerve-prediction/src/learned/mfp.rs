@@ -7,9 +7,10 @@
 
 use core::ops::Range;
 
-use super::train::Example;
-use super::{NEAR, Shape, Sight, Way, ln_sigma, minded_near, near_row, remembered, straight_on};
-use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape, Weights, ln_sum};
+use super::example::Example;
+use super::shape::{Shape, Weights};
+use super::{NEAR, Sight, Way, ln_sigma, minded_near, near_row, remembered, straight_on};
+use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape, ln_sum};
 
 /// Widths of the encoding of a nearby actor and of its attention key.
 const MINDED: usize = 16;

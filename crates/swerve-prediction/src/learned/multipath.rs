@@ -4,9 +4,10 @@
 //! Reduced: no image of the scene, but the past and a max-pooled encoding of nearby actors; anchors are relative to
 //! the baseline.
 
-use super::train::Example;
-use super::{NEAR, PAST, Shape, Sight, Way, ln_sigma, minded_near, pasts, straight_on};
-use crate::net::{Layer, Matrix, Node, Normal, Shapes, Tape, Weights, distance, ln_sum};
+use super::example::Example;
+use super::shape::{Shape, Weights};
+use super::{NEAR, PAST, Sight, Way, ln_sigma, minded_near, pasts, straight_on};
+use crate::net::{Layer, Matrix, Node, Normal, Shapes, Tape, distance, ln_sum};
 
 /// Width of the encoding of nearby actors.
 const MINDED: usize = 24;

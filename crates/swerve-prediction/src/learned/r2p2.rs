@@ -7,9 +7,10 @@
 
 use swerve_core::Rng;
 
-use super::train::Example;
-use super::{NEAR, Shape, Sight, Way, minded_near, remembered};
-use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape, Weights};
+use super::example::Example;
+use super::shape::{Shape, Weights};
+use super::{NEAR, Sight, Way, minded_near, remembered};
+use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape};
 
 /// Width of the encoding of nearby actors at the start.
 const MINDED: usize = 16;

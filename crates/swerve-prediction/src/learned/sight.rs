@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::{ActorKind, Prediction, Sighting};
 
-use super::{Beside, Shape};
+use super::shape::{Beside, Shape};
 use crate::past::Past;
 use crate::predictor::{Horizon, Tracked, imm};
 

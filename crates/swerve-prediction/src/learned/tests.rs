@@ -4,7 +4,7 @@ use swerve_core::{Hasher, Span};
 use swerve_geom::Point2;
 use swerve_msg::{ActorId, ActorKind, Extent, Prediction};
 
-use super::train::{Example, loss};
+use super::train::loss;
 use super::*;
 use crate::net::drawn;
 use crate::net::gradients::check;

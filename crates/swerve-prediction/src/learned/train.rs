@@ -4,8 +4,10 @@ use serde::Deserialize;
 use swerve_core::Rng;
 use swerve_msg::TrackList;
 
-use super::{Model, Net, PAST, Shape, Sight, mfp, multipath, r2p2, sights, straight_on};
-use crate::net::{Adam, Matrix, Shapes, Weights, drawn};
+use super::example::Example;
+use super::shape::{Model, Shape, Weights};
+use super::{Net, PAST, mfp, multipath, r2p2, sights};
+use crate::net::{Adam, Matrix, Shapes, drawn};
 use crate::predictor::seen;
 use crate::recorded::{Protocol, Recording, Scene};
 
@@ -57,26 +59,7 @@ pub enum LearningError {
     Empty,
 }
 
-/// An actor at one instant, with its observed future.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Example {
-    pub(crate) sight: Sight,
-    /// Observed positions after each step, in the actor's frame.
-    pub(crate) truth: Vec<[f32; 2]>,
-    /// Observed positions of the nearby actors.
-    pub(crate) others: Vec<Vec<[f32; 2]>>,
-}
-
 impl Example {
-    /// Observed path relative to the baseline, x before y.
-    pub(crate) fn beside(&self) -> Vec<f32> {
-        let beside = |(step, at): (usize, &[f32; 2])| {
-            let on = straight_on(&self.sight, step);
-            [at[0] - on[0], at[1] - on[1]]
-        };
-        self.truth.iter().enumerate().flat_map(beside).collect()
-    }
-
     /// Augments the example: random scale, mirroring, and noise on the past.
     fn changed(&self, rng: &mut Rng, learning: &Learning) -> Self {
         let by = libm::expf(learning.stretch * rng.normal() as f32);

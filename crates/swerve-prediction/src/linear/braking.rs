@@ -4,7 +4,7 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::{ActorKind, Sighting, Track};
 
-use super::{DEVIATIONS, Line};
+use super::line::{DEVIATIONS, Line};
 
 /// Smallest number of sightings for an estimate, and the shortest time that they must span, seconds.
 const SIGHTINGS_MIN: usize = 6;

@@ -12,7 +12,7 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::Sighting;
 
-use super::{DEVIATIONS, Line};
+use super::line::{DEVIATIONS, Line};
 
 /// Reported speed below which an actor is taken to be at rest, m/s: below the slowest walk, above the velocity error
 /// that centimetres of noise cause in a sensor or tracker.

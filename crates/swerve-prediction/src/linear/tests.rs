@@ -1,6 +1,7 @@
 use super::*;
 use swerve_core::Rng;
-use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_geom::Point2;
+use swerve_msg::{ActorId, ActorKind, Extent, Sighting};
 
 /// A track with sightings `(ms, x, y)`, newest last, reported to move at 1 m/s along x.
 fn track(seen: &[(i64, f64, f64)]) -> TrackList {

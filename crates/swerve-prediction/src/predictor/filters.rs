@@ -4,10 +4,11 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
 use swerve_msg::{ActorKind, Prediction};
 
-use super::drawn::{Spot, direction, mode, wander};
+use super::drawn::{Spot, direction, mode};
 use super::{Horizon, Modes, Tracked};
 use crate::filter::{Belief, Model, Motion, believe};
 use crate::past::Past;
+use crate::wander::wander;
 
 /// Slowly decaying velocity, with a time constant of 40 s for pedestrians.
 const ON: Model = Model { motion: Motion::Fading(40.0), density: 0.1, prior: 0.8, dwell_s: 4.0 };

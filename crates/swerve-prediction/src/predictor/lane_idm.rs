@@ -11,13 +11,12 @@ mod place;
 
 use swerve_core::Time;
 use swerve_geom::Point2;
-use swerve_msg::ActorKind;
 
 use super::drawn::{mode, spread};
 use super::filters::{IMM, predictions as filtered};
 use super::{Ground, Horizon, Modes, Tracked};
 use driver::{Driver, Rolled};
-use place::{Position, settled};
+use place::{Position, settled, walks};
 
 /// Share of vehicles that brake for an unknown reason, and their deceleration, m/s².
 const YIELDS: f64 = 0.1;
@@ -60,10 +59,6 @@ pub(super) fn predictions(
         modes
     };
     seen.iter().enumerate().map(of_one).collect()
-}
-
-fn walks(seen: &Tracked) -> bool {
-    matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static)
 }
 
 /// Distance covered while braking to a stop, at each instant.

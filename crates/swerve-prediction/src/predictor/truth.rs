@@ -4,8 +4,9 @@ use swerve_core::{Rng, Span, Time};
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::{PredictionList, Track, TrackList};
 
-use super::drawn::{Spot, direction, mode, wander};
+use super::drawn::{Spot, direction, mode};
 use super::{Horizon, Modes, Tracked, seen, straight};
+use crate::wander::wander;
 
 /// Standard deviation of a noise-free position, metres: covariances must be positive definite.
 const SIGMA_M: f64 = 0.03;

@@ -2,8 +2,7 @@
 
 use swerve_geom::math;
 
-use super::place::{Along, Position};
-use super::walks;
+use super::place::{Along, Position, walks};
 use crate::idm::{self, STAND_GAP_M};
 use crate::past::Past;
 use crate::predictor::{Horizon, Tracked};

@@ -2,8 +2,8 @@
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
+use swerve_msg::ActorKind;
 
-use super::walks;
 use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
@@ -265,4 +265,8 @@ pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<
         *is_red |= !lights.is_empty() && waited.contains(&lights);
     }
     red
+}
+
+pub(super) fn walks(seen: &Tracked) -> bool {
+    matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static)
 }

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 use swerve_core::Span;
 use swerve_geom::{Polyline, Pose2};
 use swerve_map::{Borders, Lane, LaneId, Map};
-use swerve_msg::{ActorId, Extent, Prediction, Sighting, Track, TrackList};
+use swerve_msg::{ActorId, ActorKind, Extent, Prediction, Sighting, Track, TrackList};
 
 use super::*;
 use crate::lanes::{LaneGraph, StopLine};

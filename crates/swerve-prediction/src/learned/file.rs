@@ -3,8 +3,9 @@
 use swerve_core::{Digest, Hasher};
 use thiserror::Error;
 
-use super::Matrix;
-use crate::learned::{Beside, Model, Net, Shape};
+use super::Net;
+use super::shape::{Beside, Model, Shape, Weights};
+use crate::net::Matrix;
 
 const MAGIC: &[u8] = b"SWERVNET";
 /// Versions: of weights with a straight baseline, and of all others.
@@ -30,19 +31,6 @@ pub enum WeightsError {
     /// The digest matches, but the contents are invalid.
     #[error("weights that make no sense: {0}")]
     Content(String),
-}
-
-/// A trained predictor.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Weights {
-    /// Description of its origin.
-    pub source: String,
-    /// Hyperparameters.
-    pub shape: Shape,
-    /// Initial paths of the modes: position at each step relative to the baseline, x before y, in scaled units.
-    pub(crate) anchors: Vec<Vec<f32>>,
-    /// Matrices layer by layer, as given by the shape.
-    pub(crate) matrices: Vec<Matrix>,
 }
 
 /// Stored form: source; model, modes, hidden, steps and their length; anchors; matrices.
@@ -89,11 +77,6 @@ impl Weights {
         };
         let rest = rest.expect("numbers and text are always written");
         [MAGIC, &[version], &digest(&rest).0.to_le_bytes(), &rest].concat()
-    }
-
-    /// Number of weights.
-    pub fn count(&self) -> usize {
-        self.matrices.iter().map(|one| one.values.len()).sum()
     }
 
     fn check(&self) -> Result<(), String> {
