@@ -8,18 +8,13 @@
 mod score;
 
 pub use nalgebra::{Isometry3, Vector3};
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use crate::eigen;
 use crate::eskf::{exp, unit};
 use crate::voxels::VoxelMap;
-use score::{Score, Shape};
-
-/// Degrees of freedom of a pose: translation, then rotation, both along the map's axes.
-const DOF: usize = 6;
-/// Matrix over the degrees of freedom.
-pub type Matrix6 = SMatrix<f64, DOF, DOF>;
-type Vector6 = SVector<f64, DOF>;
+use score::{DOF, Score, Shape, Vector6};
+pub use score::{Matrix6, Neighbours};
 
 /// Lever arm by which radians are converted to metres for comparison.
 const LEVER_M: f64 = 10.0;
@@ -35,16 +30,6 @@ const ROUGH_END: f64 = 0.01;
 const STRIDE_MOST: f64 = 2.5;
 /// Errors of neighbouring points are correlated: this many count as one.
 const ALIKE: f64 = 30.0;
-
-/// Cubes that a point is compared with.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Neighbours {
-    /// The cube that contains the point.
-    #[default]
-    Direct1,
-    /// That cube and the six that share a side with it.
-    Direct7,
-}
 
 /// Limits of the optimisation.
 #[derive(Clone, Copy, PartialEq, Debug)]

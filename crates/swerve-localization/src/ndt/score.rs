@@ -2,13 +2,20 @@
 //!
 //! The number of lanes is the same on all processors, and each sum has a fixed order: the same bits everywhere.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, SMatrix, SVector, Vector3};
 use swerve_geom::math;
 use swerve_geom::simd::widest;
 
-use super::{Matrix6, Neighbours, Vector6};
 use crate::lanes::{LANES, Lanes};
 use crate::voxels::VoxelMap;
+
+/// Degrees of freedom of a pose: translation, then rotation, both along the map's axes.
+pub(super) const DOF: usize = 6;
+
+/// Matrix over the degrees of freedom.
+pub type Matrix6 = SMatrix<f64, DOF, DOF>;
+
+pub(super) type Vector6 = SVector<f64, DOF>;
 
 /// Assumed share of outliers among the points.
 const OUTLIERS: f64 = 0.55;
@@ -286,4 +293,14 @@ impl Sums {
             likelihood: self.likelihood,
         }
     }
+}
+
+/// Cubes that a point is compared with.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Neighbours {
+    /// The cube that contains the point.
+    #[default]
+    Direct1,
+    /// That cube and the six that share a side with it.
+    Direct7,
 }
