@@ -13,7 +13,7 @@ use crate::cloud::CloudMut;
 use crate::returns::Receiver;
 use crate::scene_tree::SceneTree;
 use crate::scene_tree::flat::{Batch, DynamicState, GpuScene};
-use crate::sweeper::{Piece, Sweeper};
+use crate::sweeper::{Pattern, Piece};
 use caster::{Caster, Points, SETTINGS};
 
 /// GPU part of a sweeper.
@@ -84,7 +84,7 @@ impl GpuEngine {
     }
 
     /// Queues a piece that can be batched with the queued ones.
-    pub(crate) fn add(&mut self, sweeper: &Sweeper, tree: &SceneTree, params: ShotParams, piece: &Piece) {
+    pub(crate) fn add(&mut self, pattern: &Pattern, tree: &SceneTree, params: ShotParams, piece: &Piece) {
         if self.scene.is_outdated(tree) {
             self.scene.clear();
         }
@@ -94,7 +94,7 @@ impl GpuEngine {
             self.order.clear();
             self.params = Some(params);
         }
-        load(&mut self.batch, sweeper, tree, &self.scene, piece);
+        load(&mut self.batch, pattern, tree, &self.scene, piece);
         self.order.extend(piece.columns.clone());
         if self.pieces.len() == self.waiting {
             self.pieces.push(Waiting { piece: piece.clone(), dynamics: DynamicState::default() });
@@ -109,11 +109,11 @@ impl GpuEngine {
     ///
     /// # Errors
     /// Reason of the GPU failure; nothing is appended then, and the pieces remain queued.
-    pub(crate) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
+    pub(crate) fn flush(&mut self, pattern: &Pattern, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(params) = self.params.filter(|_| self.waiting > 0) else { return Ok(()) };
         let Self { caster, scene, batch, order, .. } = self;
         let in_flight = caster.submit(scene, batch, params.words())?;
-        caster.receive(in_flight, |points| add(sweeper, order, points, out))?;
+        caster.receive(in_flight, |points| add(pattern, order, points, out))?;
         self.waiting = 0;
         Ok(())
     }
@@ -124,7 +124,7 @@ impl GpuEngine {
     /// Reason of the GPU failure.
     pub(crate) fn send(
         &mut self,
-        sweeper: &Sweeper,
+        pattern: &Pattern,
         tree: &SceneTree,
         params: ShotParams,
         piece: &Piece,
@@ -135,7 +135,7 @@ impl GpuEngine {
         }
         self.scene.add_missing(tree);
         self.batch.begin(tree, &self.scene);
-        load(&mut self.batch, sweeper, tree, &self.scene, piece);
+        load(&mut self.batch, pattern, tree, &self.scene, piece);
         self.caster.submit(&mut self.scene, &self.batch, params.words())
     }
 
@@ -145,7 +145,7 @@ impl GpuEngine {
     /// Reason of the GPU failure; nothing is appended then.
     pub(crate) fn receive(
         &mut self,
-        sweeper: &Sweeper,
+        pattern: &Pattern,
         in_flight: InFlight,
         columns: Range<u32>,
         out: &mut CloudMut<'_>,
@@ -153,30 +153,26 @@ impl GpuEngine {
         let Self { caster, alone, .. } = self;
         alone.clear();
         alone.extend(columns);
-        caster.receive(in_flight, |points| add(sweeper, alone, points, out))
+        caster.receive(in_flight, |points| add(pattern, alone, points, out))
     }
 
-    /// Fires the queued pieces on the CPU and appends their points.
-    pub(crate) fn fire_on_cpu(mut self, sweeper: &mut Sweeper, tree: &SceneTree, out: &mut CloudMut<'_>) {
-        let Some(params) = self.params else { return };
-        let mut past = tree.clone();
-        for Waiting { piece, dynamics } in self.pieces.drain(..self.waiting) {
-            past.restore_dynamics(&dynamics);
-            sweeper.fire_on_cpu(&past, &piece, params.receiver, out);
-        }
+    /// Queued pieces with the moving instances of their scenes, and the parameters of their shots.
+    pub(crate) fn into_pieces(mut self) -> (Option<ShotParams>, Vec<(Piece, DynamicState)>) {
+        self.pieces.truncate(self.waiting);
+        (self.params, self.pieces.into_iter().map(|Waiting { piece, dynamics }| (piece, dynamics)).collect())
     }
 }
 
 /// Adds a piece to a batch.
-fn load(batch: &mut Batch, sweeper: &Sweeper, tree: &SceneTree, scene: &GpuScene, piece: &Piece) {
+fn load(batch: &mut Batch, pattern: &Pattern, tree: &SceneTree, scene: &GpuScene, piece: &Piece) {
     let root = batch.add(tree.moving(), scene);
-    for (column, pose) in piece.columns.clone().zip(sweeper.column_poses(tree, piece)) {
-        batch.add_column(&pose, root, column, sweeper.azimuth(column));
+    for (column, pose) in piece.columns.clone().zip(pattern.column_poses(tree, piece)) {
+        batch.add_column(&pose, root, column, pattern.azimuth(column));
     }
 }
 
 /// Appends points; `order` holds the columns of the batch.
-fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
+fn add(pattern: &Pattern, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
     let [x, y, z, intensity, instance, what] = points.arrays();
     let new = *out.len..*out.len + x.len();
     for (to, from) in
@@ -196,7 +192,7 @@ fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut
     let mut rest = &mut out.offset_s[new.clone()];
     for (&column, &count) in order.iter().zip(points.counts) {
         let (of_column, behind) = rest.split_at_mut(count as usize);
-        of_column.fill(sweeper.offset_s(column));
+        of_column.fill(pattern.offset_s(column));
         rest = behind;
     }
     *out.len = new.end;

@@ -8,7 +8,8 @@ use swerve_gpu::Gpu;
 use crate::cloud::CloudMut;
 use crate::returns::Receiver;
 use crate::scene_tree::SceneTree;
-use crate::sweeper::{Piece, Sweeper};
+use crate::scene_tree::flat::DynamicState;
+use crate::sweeper::{Pattern, Piece};
 
 /// GPU part of a sweeper.
 pub(crate) struct GpuEngine(Arc<Gpu>);
@@ -40,17 +41,17 @@ impl GpuEngine {
         match *self.0 {}
     }
 
-    pub(crate) fn add(&mut self, _: &Sweeper, _: &SceneTree, _: ShotParams, _: &Piece) {
+    pub(crate) fn add(&mut self, _: &Pattern, _: &SceneTree, _: ShotParams, _: &Piece) {
         match *self.0 {}
     }
 
-    pub(crate) fn flush(&mut self, _: &Sweeper, _: &mut CloudMut<'_>) -> Result<(), String> {
+    pub(crate) fn flush(&mut self, _: &Pattern, _: &mut CloudMut<'_>) -> Result<(), String> {
         match *self.0 {}
     }
 
     pub(crate) fn send(
         &mut self,
-        _: &Sweeper,
+        _: &Pattern,
         _: &SceneTree,
         _: ShotParams,
         _: &Piece,
@@ -60,7 +61,7 @@ impl GpuEngine {
 
     pub(crate) fn receive(
         &mut self,
-        _: &Sweeper,
+        _: &Pattern,
         in_flight: InFlight,
         _: Range<u32>,
         _: &mut CloudMut<'_>,
@@ -68,7 +69,7 @@ impl GpuEngine {
         match in_flight {}
     }
 
-    pub(crate) fn fire_on_cpu(self, _: &mut Sweeper, _: &SceneTree, _: &mut CloudMut<'_>) {
+    pub(crate) fn into_pieces(self) -> (Option<ShotParams>, Vec<(Piece, DynamicState)>) {
         match *self.0 {}
     }
 }

@@ -163,3 +163,9 @@ impl TryFrom<String> for LidarPreset {
         text.parse()
     }
 }
+
+impl Default for LidarSpec {
+    fn default() -> Self {
+        LidarPreset::default().spec()
+    }
+}

@@ -6,8 +6,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, Ranges, require};
 
-use crate::presets::LidarPreset;
-
 /// Largest number of beams.
 const BEAMS_MAX: usize = 512;
 /// Largest number of shots per turn: beams times columns.
@@ -70,12 +68,6 @@ pub struct LidarSpec {
     pub intensity_full_m: f64,
     /// Seed of the noise.
     pub seed: u64,
-}
-
-impl Default for LidarSpec {
-    fn default() -> Self {
-        LidarPreset::default().spec()
-    }
 }
 
 impl LidarSpec {

@@ -3,28 +3,29 @@
 mod cpu;
 mod engine;
 mod firing;
+mod pattern;
 mod pose;
 mod submit;
+mod submitted;
 
 pub use engine::LidarEngine;
 pub(crate) use firing::Piece;
 pub use firing::{FireError, Fired, Firing};
+pub(crate) use pattern::Pattern;
 
-use core::ops::Range;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use swerve_core::param::{ParamError, require};
-use swerve_geom::math;
+use swerve_geom::{Lidar, Map, Transform};
 use swerve_gpu::Gpu;
-use swerve_scene::vector::scale;
 
 use crate::cloud::{Cloud, CloudMut};
 use crate::gpu::{GpuEngine, ShotParams};
 use crate::returns::Receiver;
 use crate::scene_tree::SceneTree;
 use crate::spec::LidarSpec;
-use submit::Submitted;
+use submitted::Submitted;
 
 /// Spinning lidar.
 ///
@@ -40,11 +41,7 @@ use submit::Submitted;
 /// When the GPU fails, the current turn is fired by the CPU without missing points, and the CPU continues: see
 /// [`Sweeper::engine`] and [`Sweeper::fallback`].
 pub struct Sweeper {
-    spec: LidarSpec,
-    period_ns: i64,
-    /// Directions of the beams in a column at azimuth 0.
-    beams: Vec<[f32; 3]>,
-    columns: Vec<Column>,
+    pattern: Pattern,
     threads: Threads,
     shots: Vec<Shot>,
     turn: u64,
@@ -52,16 +49,6 @@ pub struct Sweeper {
     fallback: Option<String>,
     submitted: VecDeque<Submitted>,
     spare: Vec<Cloud>,
-}
-
-/// Column of a turn.
-#[derive(Clone, Copy, Debug)]
-struct Column {
-    /// Sine and cosine of its azimuth.
-    azimuth: [f64; 2],
-    /// Firing time since the first column, nanoseconds.
-    at_ns: i64,
-    offset_s: f32,
 }
 
 /// Return of one shot.
@@ -84,8 +71,6 @@ enum Threads {
     Own(rayon::ThreadPool),
 }
 
-/// Nanoseconds per second.
-const SECOND_NS: f64 = 1e9;
 /// Largest number of threads of a lidar.
 const THREADS_MAX: usize = 256;
 
@@ -97,30 +82,14 @@ impl Sweeper {
     /// If a field of the specification is invalid, or threads cannot be started.
     pub fn new(spec: LidarSpec, threads: usize) -> Result<Self, ParamError> {
         spec.check()?;
-        let period_ns = (SECOND_NS / spec.rate_hz).round() as i64;
-        let beams = spec.beams.iter().map(|beam| {
-            let (sin_elevation, cos_elevation) = math::sin_cos(beam.elevation_rad);
-            let (sin_azimuth, cos_azimuth) = math::sin_cos(beam.azimuth_rad);
-            [cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, sin_elevation].map(|x| x as f32)
-        });
-        let turn_rad = if spec.is_clockwise { -1.0 } else { 1.0 } * 2.0 * core::f64::consts::PI;
-        let columns = (0..spec.columns).map(|k| {
-            let share = f64::from(k) / f64::from(spec.columns);
-            let (sin, cos) = math::sin_cos(spec.first_azimuth_rad + turn_rad * share);
-            let at_ns = column_ns(k, period_ns, spec.columns);
-            Column { azimuth: [sin, cos], at_ns, offset_s: (at_ns as f64 / SECOND_NS) as f32 }
-        });
-        let (beams, columns) = (beams.collect(), columns.collect());
+        let pattern = Pattern::new(spec);
         let threads = match threads {
             0 => Threads::Callers,
             1 => Threads::One,
             _ => Threads::Own(start(threads - 1)?),
         };
         Ok(Self {
-            spec,
-            period_ns,
-            beams,
-            columns,
+            pattern,
             threads,
             shots: Vec::new(),
             turn: 0,
@@ -137,7 +106,7 @@ impl Sweeper {
     /// As for [`Self::new`].
     pub fn on_gpu(spec: LidarSpec, threads: usize, gpu: &Arc<Gpu>) -> Result<Self, ParamError> {
         let mut sweeper = Self::new(spec, threads)?;
-        sweeper.gpu = Some(Box::new(GpuEngine::new(gpu, &sweeper.beams)));
+        sweeper.gpu = Some(Box::new(GpuEngine::new(gpu, &sweeper.pattern.beams)));
         Ok(sweeper)
     }
 
@@ -153,31 +122,17 @@ impl Sweeper {
 
     /// Specification of the lidar.
     pub fn spec(&self) -> &LidarSpec {
-        &self.spec
+        &self.pattern.spec
     }
 
     /// Largest number of points per turn.
     pub fn points_max(&self) -> usize {
-        self.beams.len() * self.columns.len()
+        self.pattern.points_max()
     }
 
     /// Duration of a turn, nanoseconds.
     pub fn period_ns(&self) -> i64 {
-        self.period_ns
-    }
-
-    /// Columns of a turn with instants in `[begin_ns, end_ns)`; consecutive pieces cover each column once.
-    fn columns_between(&self, begin_ns: i64, end_ns: i64) -> Range<u32> {
-        let (period, columns) = (i128::from(self.period_ns), i128::from(self.spec.columns));
-        // The first column fired at or after an instant t is the smallest k with k period / columns >= t.
-        let from = |at_ns: i64| {
-            let at = i128::from(at_ns.clamp(0, self.period_ns));
-            let k = ((at * columns) / period).clamp(0, columns);
-            let late = |k: i128| k >= columns || k * period / columns >= i128::from(at_ns);
-            if late(k) { k } else { k + 1 }
-        };
-        let first = from(begin_ns) as u32;
-        first..(from(end_ns) as u32).max(first)
+        self.pattern.period_ns
     }
 
     /// Begins a turn: clears the cloud and keys the noise by the turn number.
@@ -203,10 +158,10 @@ impl Sweeper {
         firing: &Firing,
         out: &mut CloudMut<'_>,
     ) -> Result<Fired, FireError> {
-        let piece = Piece::new(self, firing)?;
+        let piece = Piece::new(&self.pattern, firing)?;
         let waiting = self.gpu.as_ref().map_or(0, |gpu| gpu.columns_waiting());
-        out.check((piece.columns.len() + waiting) * self.beams.len())?;
-        let receiver = Receiver::new(&self.spec, tree.weather(), self.turn);
+        out.check((piece.columns.len() + waiting) * self.pattern.beams.len())?;
+        let receiver = Receiver::new(&self.pattern.spec, tree.weather(), self.turn);
         match self.gpu.take() {
             None => self.fire_on_cpu(tree, &piece, receiver, out),
             Some(gpu) if piece.columns.is_empty() => self.gpu = Some(gpu),
@@ -215,7 +170,7 @@ impl Sweeper {
                 self.fire_on_gpu(gpu, tree, &piece, params, out);
             }
         }
-        Ok(piece.fired(self.spec.columns))
+        Ok(piece.fired(self.pattern.spec.columns))
     }
 
     /// Queues columns, and fires all queued ones on the GPU when they complete the turn; on the CPU if the GPU fails.
@@ -228,23 +183,34 @@ impl Sweeper {
         out: &mut CloudMut<'_>,
     ) {
         if gpu.needs_flush(tree, &params)
-            && let Err(why) = gpu.flush(self, out)
+            && let Err(why) = gpu.flush(&self.pattern, out)
         {
-            gpu.fire_on_cpu(self, tree, out);
+            self.fire_waiting(*gpu, tree, out);
             self.fallback = Some(why);
             return self.fire_on_cpu(tree, piece, params.receiver, out);
         }
-        gpu.add(self, tree, params, piece);
-        if piece.columns.end < self.spec.columns {
+        gpu.add(&self.pattern, tree, params, piece);
+        if piece.columns.end < self.pattern.spec.columns {
             self.gpu = Some(gpu);
             return;
         }
-        match gpu.flush(self, out) {
+        match gpu.flush(&self.pattern, out) {
             Ok(()) => self.gpu = Some(gpu),
             Err(why) => {
-                gpu.fire_on_cpu(self, tree, out);
+                self.fire_waiting(*gpu, tree, out);
                 self.fallback = Some(why);
             }
+        }
+    }
+
+    /// Fires the pieces queued for a GPU on the CPU and appends their points.
+    fn fire_waiting(&mut self, gpu: GpuEngine, tree: &SceneTree, out: &mut CloudMut<'_>) {
+        let (params, pieces) = gpu.into_pieces();
+        let Some(params) = params else { return };
+        let mut past = tree.clone();
+        for (piece, dynamics) in pieces {
+            past.restore_dynamics(&dynamics);
+            self.fire_on_cpu(&past, &piece, params.receiver, out);
         }
     }
 
@@ -262,33 +228,20 @@ impl Sweeper {
     ) -> Result<(), FireError> {
         *out.len = 0;
         let pieces: Result<Vec<Piece>, _> =
-            steps.iter().map(|(_, firing)| Piece::new(self, firing)).collect();
+            steps.iter().map(|(_, firing)| Piece::new(&self.pattern, firing)).collect();
         let pieces = pieces?;
-        out.check(pieces.iter().map(|piece| piece.columns.len()).sum::<usize>() * self.beams.len())?;
+        out.check(pieces.iter().map(|piece| piece.columns.len()).sum::<usize>() * self.pattern.beams.len())?;
         self.cast_turn(turn, steps, &pieces, out);
         Ok(())
     }
-
-    /// Firing time of a column since the first, seconds.
-    pub(crate) fn offset_s(&self, column: u32) -> f32 {
-        self.columns[column as usize].offset_s
-    }
-
-    /// Sine and cosine of a column's azimuth.
-    pub(crate) fn azimuth(&self, column: u32) -> [f32; 2] {
-        self.columns[column as usize].azimuth.map(|part| part as f32)
-    }
-
-    /// Point at a range along a beam of a column with this azimuth, sensor frame.
-    pub(crate) fn point(&self, ring: usize, [sin, cos]: [f32; 2], range_m: f32) -> [f32; 3] {
-        let [x, y, z] = self.beams[ring];
-        scale([x * cos - y * sin, x * sin + y * cos, z], range_m)
-    }
 }
 
-/// Firing time of a column since the first, nanoseconds.
-fn column_ns(column: u32, period_ns: i64, columns: u32) -> i64 {
-    (i128::from(column) * i128::from(period_ns) / i128::from(columns)) as i64
+impl Firing {
+    /// Whole turn of a sensor at rest.
+    pub fn turn_at_rest(sweeper: &Sweeper, map_from_lidar: Transform<Map, Lidar>) -> Self {
+        let (begin, end) = (map_from_lidar, map_from_lidar);
+        Self { begin_ns: 0, begin, end_ns: sweeper.period_ns(), end, hidden_instance: None }
+    }
 }
 
 fn start(threads: usize) -> Result<rayon::ThreadPool, ParamError> {
@@ -300,31 +253,4 @@ fn start(threads: usize) -> Result<rayon::ThreadPool, ParamError> {
         value: format!("{threads} ({error})").into(),
         expected: "a number of threads that the system can start".into(),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_between_covers_every_column_once() {
-        for (columns, rate_hz) in [(1800, 10.0), (2083, 10.0), (7, 333.0), (1, 20.0), (2048, 9.7)] {
-            let spec = LidarSpec { columns, rate_hz, ..LidarSpec::default() };
-            let sweeper = Sweeper::new(spec, 1).unwrap();
-            let (mut next, mut from) = (0, -3_000_000);
-            while from < sweeper.period_ns() {
-                let fired = sweeper.columns_between(from, from + 5_000_000);
-                assert_eq!(fired.start, next);
-                for column in fired.clone() {
-                    assert!((from..from + 5_000_000).contains(&sweeper.columns[column as usize].at_ns));
-                }
-                (next, from) = (fired.end, from + 5_000_000);
-            }
-            assert_eq!(next, columns);
-            assert_eq!(sweeper.columns_between(9, 9).len(), 0);
-            assert_eq!(sweeper.columns_between(i64::MIN, i64::MAX), 0..columns);
-        }
-        let sweeper = Sweeper::new(LidarSpec::default(), 1).unwrap();
-        assert_eq!(sweeper.columns_between(5_000_000, 10_000_000), 90..180);
-    }
 }

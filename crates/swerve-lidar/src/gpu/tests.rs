@@ -4,7 +4,7 @@ use swerve_scene::town::town;
 use swerve_scene::{Instance, Kind, Scene, WeatherPreset};
 
 use super::*;
-use crate::{Cloud, Firing, LidarEngine, LidarPreset, LidarSpec};
+use crate::{Cloud, Firing, LidarEngine, LidarPreset, LidarSpec, Sweeper};
 
 /// Device of any adapter, preferably hardware.
 fn device(fresh: bool) -> Option<Arc<Gpu>> {

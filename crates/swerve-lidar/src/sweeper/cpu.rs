@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::{Firing, Piece, Shot, Sweeper, Threads};
+use super::{Firing, Pattern, Piece, Shot, Sweeper, Threads};
 use crate::bvh::LANES;
 use crate::cloud::{CloudMut, Point};
 use crate::returns::Receiver;
@@ -21,13 +21,13 @@ impl Sweeper {
         receiver: Receiver,
         out: &mut CloudMut<'_>,
     ) {
-        let (columns, beams) = (&piece.columns, self.beams.len());
+        let (columns, beams) = (&piece.columns, self.pattern.beams.len());
         let count = columns.len() * beams;
         if self.shots.len() < count {
             self.shots.resize(count, Shot::default());
         }
         let mut shots = std::mem::take(&mut self.shots);
-        let caster = ColumnCaster { sweeper: self, tree, firing: &piece.firing, receiver };
+        let caster = ColumnCaster { pattern: &self.pattern, tree, firing: &piece.firing, receiver };
         let first = columns.start;
         let group = |(k, shots): (usize, &mut [Shot])| caster.group(first + (k * LANES) as u32, shots);
         let chunk = LANES * beams;
@@ -59,15 +59,15 @@ impl Sweeper {
         pieces: &[Piece],
         out: &mut CloudMut<'_>,
     ) {
-        let beams = self.beams.len();
-        let mut shots = vec![Shot::default(); self.points_max()];
+        let beams = self.pattern.beams.len();
+        let mut shots = vec![Shot::default(); self.pattern.points_max()];
         let (mut rest, mut groups) = (&mut shots[..], Vec::new());
         for ((tree, firing), piece) in steps.iter().zip(pieces) {
-            let receiver = Receiver::new(&self.spec, tree.weather(), turn);
+            let receiver = Receiver::new(&self.pattern.spec, tree.weather(), turn);
             let (own, others) = core::mem::take(&mut rest).split_at_mut(piece.columns.len() * beams);
             rest = others;
             groups.extend(own.chunks_mut(LANES * beams).enumerate().map(|(k, shots)| {
-                let caster = ColumnCaster { sweeper: self, tree, firing, receiver };
+                let caster = ColumnCaster { pattern: &self.pattern, tree, firing, receiver };
                 (caster, piece.columns.start + (k * LANES) as u32, shots)
             }));
         }
@@ -88,8 +88,8 @@ impl Sweeper {
 
     /// Appends the points of columns; `shots` holds their beams.
     fn push(&self, columns: Range<u32>, shots: &[Shot], out: &mut CloudMut<'_>) {
-        for (column, shots) in columns.zip(shots.chunks(self.beams.len())) {
-            let offset_s = self.offset_s(column);
+        for (column, shots) in columns.zip(shots.chunks(self.pattern.beams.len())) {
+            let offset_s = self.pattern.offset_s(column);
             for (ring, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.is_seen) {
                 let Shot { at_m, intensity, instance, class, .. } = *shot;
                 out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
@@ -100,7 +100,7 @@ impl Sweeper {
 
 /// Casts the rays of one piece of a turn.
 struct ColumnCaster<'a> {
-    sweeper: &'a Sweeper,
+    pattern: &'a Pattern,
     tree: &'a SceneTree,
     firing: &'a Firing,
     receiver: Receiver,
@@ -109,7 +109,7 @@ struct ColumnCaster<'a> {
 impl ColumnCaster<'_> {
     /// Fires up to eight columns starting at `first`; `shots` holds the beams of each.
     fn group(&self, first: u32, shots: &mut [Shot]) {
-        let beams = self.sweeper.beams.len();
+        let beams = self.pattern.beams.len();
         let count = shots.len() / beams;
         let (mut origin, mut matrix) = ([[0.0_f32; LANES]; 3], [[[0.0_f32; LANES]; 3]; 3]);
         // Unused lanes have the direction of the last column but a negative range.
@@ -120,8 +120,8 @@ impl ColumnCaster<'_> {
             if lane < count {
                 range[lane] = self.receiver.range_max();
             }
-            azimuths[lane] = self.sweeper.azimuth(column);
-            let pose = self.sweeper.column_pose(self.tree, self.firing, column);
+            azimuths[lane] = self.pattern.azimuth(column);
+            let pose = self.pattern.column_pose(self.tree, self.firing, column);
             for axis in 0..3 {
                 origin[axis][lane] = pose.origin[axis];
                 for (lanes, part) in matrix[axis].iter_mut().zip(pose.matrix[axis]) {
@@ -133,7 +133,7 @@ impl ColumnCaster<'_> {
         let matrix = matrix.map(|row| row.map(f32x8::new));
         let range = f32x8::new(range);
         let mut memory = RayMemory::default();
-        for (ring, &[x, y, z]) in self.sweeper.beams.iter().enumerate() {
+        for (ring, &[x, y, z]) in self.pattern.beams.iter().enumerate() {
             let along =
                 |[a, b, c]: [f32x8; 3]| a * f32x8::splat(x) + b * f32x8::splat(y) + c * f32x8::splat(z);
             let directions = [along(matrix[0]), along(matrix[1]), along(matrix[2])];
@@ -149,7 +149,7 @@ impl ColumnCaster<'_> {
                 let number = (first + lane as u32) * beams as u32 + ring as u32;
                 let seen = hits[lane].and_then(|hit| {
                     let back = self.receiver.detect(&hit, [dx[lane], dy[lane], dz[lane]], number)?;
-                    let at_m = self.sweeper.point(ring, azimuths[lane], back.range_m);
+                    let at_m = self.pattern.point(ring, azimuths[lane], back.range_m);
                     let (instance, class) = (hit.instance_id, hit.class as u8);
                     Some(Shot { at_m, intensity: back.intensity, instance, class, is_seen: true })
                 });

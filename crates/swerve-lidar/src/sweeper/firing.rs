@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use swerve_geom::{Lidar, Map, Transform};
 
-use super::Sweeper;
+use super::pattern::Pattern;
 use crate::cloud::CloudSizeError;
 
 /// Largest distance of a sensor from the map's origin, metres.
@@ -26,12 +26,6 @@ pub struct Firing {
 }
 
 impl Firing {
-    /// Whole turn of a sensor at rest.
-    pub fn turn_at_rest(sweeper: &Sweeper, map_from_lidar: Transform<Map, Lidar>) -> Self {
-        let (begin, end) = (map_from_lidar, map_from_lidar);
-        Self { begin_ns: 0, begin, end_ns: sweeper.period_ns(), end, hidden_instance: None }
-    }
-
     /// Checks that the piece can be fired.
     ///
     /// # Errors
@@ -87,13 +81,13 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
-    /// Columns that a sweeper fires in a step.
+    /// Columns that a lidar fires in a step.
     ///
     /// # Errors
     /// If a pose is not finite, or the step ends before it begins.
-    pub(super) fn new(sweeper: &Sweeper, firing: &Firing) -> Result<Self, FireError> {
+    pub(super) fn new(pattern: &Pattern, firing: &Firing) -> Result<Self, FireError> {
         firing.check()?;
-        let columns = sweeper.columns_between(firing.begin_ns, firing.end_ns);
+        let columns = pattern.columns_between(firing.begin_ns, firing.end_ns);
         Ok(Self { firing: *firing, columns })
     }
 

@@ -1,6 +1,7 @@
 //! Sensor poses at the instants of columns.
 
-use super::{Column, Firing, Piece, Sweeper};
+use super::firing::{Firing, Piece};
+use super::pattern::{Column, Pattern};
 use crate::scene_tree::SceneTree;
 use crate::scene_tree::flat::ColumnPose;
 
@@ -34,7 +35,7 @@ impl SensorPose {
     }
 }
 
-impl Sweeper {
+impl Pattern {
     /// Pose of a column in the tree frame.
     pub(super) fn column_pose(&self, tree: &SceneTree, firing: &Firing, column: u32) -> ColumnPose {
         self.column_pose_from(tree, &SensorPose::at(firing, self.columns[column as usize].at_ns), column)

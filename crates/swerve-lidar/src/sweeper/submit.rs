@@ -2,33 +2,13 @@
 
 use core::ops::Range;
 
+use super::submitted::{OnGpu, Progress, Submitted};
 use super::{FireError, Fired, Firing, Piece, Sweeper};
 use crate::cloud::{Cloud, CloudMut};
 use crate::gpu::{InFlight, ShotParams};
 use crate::returns::Receiver;
 use crate::scene_tree::SceneTree;
 use crate::scene_tree::flat::DynamicState;
-
-/// Submitted columns.
-pub(super) struct Submitted {
-    piece: Piece,
-    progress: Progress,
-}
-
-/// Progress of submitted columns.
-enum Progress {
-    /// In progress on a GPU.
-    OnGpu(Box<OnGpu>),
-    /// Complete.
-    Done(Cloud),
-}
-
-/// Rays on a GPU, with the data that the CPU needs if it is lost.
-struct OnGpu {
-    in_flight: InFlight,
-    dynamics: DynamicState,
-    receiver: Receiver,
-}
 
 impl Sweeper {
     /// Submits the columns of one step; [`Self::collect`] returns their points. A GPU thus casts the rays of one call
@@ -40,9 +20,9 @@ impl Sweeper {
     /// # Errors
     /// As for [`Self::fire`]; nothing is submitted then.
     pub fn submit(&mut self, turn: u64, tree: &SceneTree, firing: &Firing) -> Result<Fired, FireError> {
-        let piece = Piece::new(self, firing)?;
-        let fired = piece.fired(self.spec.columns);
-        let receiver = Receiver::new(&self.spec, tree.weather(), turn);
+        let piece = Piece::new(&self.pattern, firing)?;
+        let fired = piece.fired(self.pattern.spec.columns);
+        let receiver = Receiver::new(&self.pattern.spec, tree.weather(), turn);
         let in_flight = if piece.columns.is_empty() { None } else { self.send(tree, &piece, receiver) };
         let progress = match in_flight {
             None => Progress::Done(self.cast_now(tree, &piece, receiver)),
@@ -69,7 +49,7 @@ impl Sweeper {
         out: &mut CloudMut<'_>,
     ) -> Result<Option<Range<u32>>, FireError> {
         let Some(first) = self.submitted.front() else { return Ok(None) };
-        out.check(first.piece.columns.len() * self.beams.len())?;
+        out.check(first.piece.columns.len() * self.pattern.beams.len())?;
         let Some(Submitted { piece, progress }) = self.submitted.pop_front() else { return Ok(None) };
         let OnGpu { in_flight, dynamics, receiver } = match progress {
             Progress::OnGpu(on_gpu) => *on_gpu,
@@ -80,7 +60,7 @@ impl Sweeper {
             }
         };
         if let Some(mut gpu) = self.gpu.take() {
-            match gpu.receive(self, in_flight, piece.columns.clone(), out) {
+            match gpu.receive(&self.pattern, in_flight, piece.columns.clone(), out) {
                 Ok(()) => {
                     self.gpu = Some(gpu);
                     return Ok(Some(piece.columns));
@@ -98,7 +78,7 @@ impl Sweeper {
     fn send(&mut self, tree: &SceneTree, piece: &Piece, receiver: Receiver) -> Option<InFlight> {
         let mut gpu = self.gpu.take()?;
         let params = ShotParams { receiver, hidden: piece.firing.hidden_instance };
-        match gpu.send(self, tree, params, piece) {
+        match gpu.send(&self.pattern, tree, params, piece) {
             Ok(in_flight) => {
                 self.gpu = Some(gpu);
                 Some(in_flight)
@@ -112,7 +92,7 @@ impl Sweeper {
 
     /// Casts the rays on the CPU and stores the points.
     fn cast_now(&mut self, tree: &SceneTree, piece: &Piece, receiver: Receiver) -> Cloud {
-        let mut cloud = self.spare.pop().unwrap_or_else(|| Cloud::new(&self.spec, true));
+        let mut cloud = self.spare.pop().unwrap_or_else(|| Cloud::new(&self.pattern.spec, true));
         cloud.len = 0;
         self.fire_on_cpu(tree, piece, receiver, &mut cloud.as_mut());
         cloud
