@@ -12,45 +12,26 @@
 //! Reporting a position twice would make the object appear stationary.
 
 mod doubt;
+mod object;
 mod params;
 mod place;
 mod radar;
+mod sight;
 #[cfg(test)]
 mod tests;
 
 use swerve_core::Time;
-use swerve_geom::{Ego, Map, Pose2, heaviest_pairs, image_iou};
-use swerve_msg::{DetectedBox, Detections, Image};
+use swerve_geom::{Map, Pose2, heaviest_pairs, image_iou};
+use swerve_msg::{DetectedBox, Detections};
 
 use crate::bound::surest;
-use crate::image_box::ImageCamera;
 use doubt::doubted;
+use object::Object;
 use place::{Spread, by_depth, moved};
 
 pub use params::Params;
 pub use radar::Echoes;
-
-/// Detections of one instant, and the ego's pose then.
-#[derive(Clone, Copy, Debug)]
-pub struct Sighted<'a> {
-    /// Boxes in the ego frame.
-    pub found: &'a Detections,
-    /// Ego pose at their stamp.
-    pub ego: Pose2<Map>,
-    /// True if no earlier list contained them.
-    pub is_new: bool,
-}
-
-/// Detections of a camera, and its calibration.
-#[derive(Clone, Copy, Debug)]
-pub struct CameraSight<'a> {
-    /// Boxes with their image boxes.
-    pub boxes: Sighted<'a>,
-    /// Camera of the image boxes.
-    pub camera: ImageCamera,
-    /// Depth image (distance along the optical axis) at the same stamp, for example from stereo.
-    pub depth: Option<&'a Image>,
-}
+pub use sight::{CameraSight, Sighted};
 
 /// Latest detections of each sensor.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,24 +44,9 @@ pub struct Sources<'a> {
     pub radar: Option<Echoes<'a>>,
 }
 
-/// Object at the latest instant.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Object {
-    found: DetectedBox,
-    spread: Spread,
-    /// True if its distance comes from the ground plane, the least accurate source.
-    is_guessed: bool,
-    /// True if no earlier list contained it.
-    is_new: bool,
-}
-
 /// Gate of the squared Mahalanobis distance between boxes of the same object: 99 % (chi-squared, two degrees of
 /// freedom).
 const GATE: f64 = 9.21;
-
-/// Standard deviation of each velocity component of pedestrians and cyclists, and of vehicles, m/s.
-const PERSON_MPS: f64 = 2.0;
-const VEHICLE_MPS: f64 = 8.0;
 
 /// Fuses detections into objects by falling score, in the ego frame of the latest boxes, each with its covariance;
 /// `None` without boxes.
@@ -192,22 +158,6 @@ fn pair(
     heaviest_pairs(seen.len(), measured.len(), &alike)
 }
 
-impl Sighted<'_> {
-    /// Converts a box to an object at a later instant.
-    fn object(
-        &self,
-        found: &DetectedBox,
-        place: (Pose2<Ego>, Spread),
-        (stamp, ego): (Time, Pose2<Map>),
-        is_guessed: bool,
-    ) -> Object {
-        let (pose, spread) = moved(place, self.ego, ego);
-        let pace_mps = if found.kind.is_person() { PERSON_MPS } else { VEHICLE_MPS };
-        let spread = spread.grown(pace_mps * (stamp - self.found.stamp).as_secs());
-        Object { found: DetectedBox { pose, ..*found }, spread, is_guessed, is_new: self.is_new }
-    }
-}
-
 /// Merges a camera and a lidar object: class and image box of the camera, position and size of the lidar; the score is
 /// the probability that at least one is right. If one is a person and the other is not, the size is the camera's too.
 /// If the lidar's position was already reported, the position is the camera's.
@@ -223,15 +173,4 @@ fn merged(seen: &Object, measured: &Object) -> Object {
     };
     // Its distance was measured, if not at this instant, so that of an echo is not needed.
     Object { found, ..if measured.is_new { *measured } else { Object { is_guessed: false, ..*seen } } }
-}
-
-impl Object {
-    /// Squared Mahalanobis distance to another object; `None` if the covariance is singular.
-    fn distance(&self, other: &Self) -> Option<f64> {
-        self.spread.distance(self.found.pose.point() - other.found.pose.point(), other.spread)
-    }
-
-    fn told(&self) -> DetectedBox {
-        DetectedBox { covariance_m2: Some(self.spread.entries()), ..self.found }
-    }
 }

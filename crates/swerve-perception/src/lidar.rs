@@ -9,6 +9,7 @@ mod boxes;
 mod clusters;
 pub mod ground;
 pub mod points;
+mod scan;
 pub mod score;
 #[cfg(test)]
 mod tests;
@@ -17,14 +18,15 @@ pub mod train;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{ParamError, Ranges};
-use swerve_geom::{Ego, Lidar, Obb, Point2, Pose2, Transform};
-use swerve_msg::{ActorKind, DetectedBox, Detections, EgoState, Extent, PointCloud, Route};
+use swerve_geom::{Ego, Obb, Point2, Pose2};
+use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 
 use crate::road::Road;
 use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
 use clusters::{Cluster, Clusters};
 use ground::{Ground, Method};
 use points::{Point, in_ego_frame};
+pub use scan::Scan;
 use score::{FEATURES, Model};
 
 /// Parameters of the lidar object detector.
@@ -58,21 +60,6 @@ impl Params {
     pub fn validate(&self) -> Result<(), ParamError> {
         self.check_ranges()
     }
-}
-
-/// Sweep and the state of the ego when it was measured.
-#[derive(Clone, Copy, Debug)]
-pub struct Scan<'a> {
-    /// Points of the sweep.
-    pub cloud: &'a PointCloud,
-    /// Mounting pose of the lidar.
-    pub ego_from_lidar: Transform<Ego, Lidar>,
-    /// Measured ego state at the cloud's stamp.
-    pub ego: EgoState,
-    /// Outline of the ego, within which points are ignored: rear and front from the origin, half of the width, metres.
-    pub own_m: [f64; 3],
-    /// Route, if known; vehicles mostly stand parallel to it.
-    pub route: Option<&'a Route>,
 }
 
 /// Candidate box with the features of its score.

@@ -3,7 +3,8 @@
 use swerve_geom::{angle_between, math};
 use swerve_msg::DetectedBox;
 
-use super::{Object, Params};
+use super::object::Object;
+use super::params::Params;
 
 /// Bearing margin around a lidar box within which an object may be hidden by it or merged with it, radians.
 const BESIDE_RAD: f64 = 0.1;

@@ -4,7 +4,8 @@ use nalgebra::{Matrix2, Vector2 as Column2};
 use swerve_geom::{Ego, Map, Point, Point2, Pose2, Vector2, math};
 use swerve_msg::{DetectedBox, Image, Pixels};
 
-use super::{CameraSight, Params};
+use super::params::Params;
+use super::sight::CameraSight;
 use crate::image_box::ImageCamera;
 
 /// Lower bound of a standard deviation, metres.

@@ -3,8 +3,9 @@
 use swerve_geom::{Ego, Map, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{EgoState, Extent, RadarScan};
 
+use super::object::Object;
+use super::params::Params;
 use super::place::{Spread, moved, polar};
-use super::{Object, Params};
 
 /// Radar scan and the ego state at its stamp.
 #[derive(Clone, Copy, Debug)]

@@ -3,7 +3,7 @@ use crate::image_box::tests::camera;
 use proptest::prelude::*;
 use swerve_core::Ranges as _;
 use swerve_geom::{Ego, Point2, math};
-use swerve_msg::{ActorKind, EgoState, Encoding, Extent, Pixels, RadarDetection, RadarScan};
+use swerve_msg::{ActorKind, EgoState, Encoding, Extent, Image, Pixels, RadarDetection, RadarScan};
 
 const CAR: Extent = Extent { length_m: 4.4, width_m: 1.8, height_m: 1.5 };
 const PERSON: Extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.75 };

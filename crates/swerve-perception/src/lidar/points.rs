@@ -2,7 +2,7 @@
 
 use swerve_geom::math;
 
-use super::Scan;
+use super::scan::Scan;
 
 /// Point in the ego frame at the sweep's stamp, metres: forward, left, up.
 pub type Point = [f32; 3];

@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 use swerve_core::{Rng, Time, digest_of};
-use swerve_geom::{Point, math};
+use swerve_geom::{Point, Transform, math};
 use swerve_map::{Border, Borders};
-use swerve_msg::LidarPoint;
+use swerve_msg::{EgoState, LidarPoint, PointCloud, Route};
 
 use super::*;
 
