@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
-use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
 use swerve_core::{Span, Time};
 use swerve_flow::{SendError, StopHandle};
@@ -15,7 +14,9 @@ use swerve_ros2::mapping::Role;
 
 use super::engage::{Engagement, Situation};
 use super::graph::Inputs;
-use super::intake::{Arrived, Input, Intake, Request, TopicSummary};
+pub use super::input::TopicState;
+use super::input::{Arrived, Input};
+use super::intake::{Intake, Request, TopicSummary};
 use super::shared::lock;
 use super::sink::{Order, stop_takes};
 use super::watch::DriveStatus;
@@ -31,21 +32,6 @@ const SILENT: Span = Span::from_ms(500);
 const HELD: Span = Span::from_ms(500);
 /// Messages processed before the switch is checked again, so that a flood does not delay it.
 const AT_ONCE: usize = 256;
-
-/// State of a topic, logged once a second.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct TopicState {
-    /// Name of the topic in the mapping.
-    pub topic: String,
-    /// Number of messages received so far.
-    pub received: u64,
-    /// Number of messages used so far.
-    pub used: u64,
-    /// Host clock minus stamp clock, if known.
-    pub offset: Option<Span>,
-    /// Uncertainty of the offset.
-    pub spread: Option<Span>,
-}
 
 /// Reports progress to the user during a drive.
 pub trait StatusSink: Send {

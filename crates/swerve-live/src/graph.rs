@@ -16,8 +16,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
-use super::feed::TopicState;
-use super::intake::{Arrived, Input, names};
+use super::input::{Arrived, Input, TopicState, names};
 
 /// A graph with inputs for the data of a vehicle.
 pub struct LiveGraph {

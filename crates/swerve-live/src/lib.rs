@@ -2,7 +2,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`intake`] | from live or recorded ROS messages to inputs of the graph |
+//! | [`input`], [`intake`] | inputs of the graph; from live or recorded ROS messages to them |
 //! | [`time`] | from a sensor's clock to run time |
 //! | [`vehicle`] | vehicle interfaces: reports and commands; one small trait for each |
 //! | [`graph`] | the graph, with sources instead of the simulated world |
@@ -21,9 +21,11 @@
 //! The graph depends on no transport: a bridge feeds it through [`graph::Inputs`], a recorded drive through
 //! [`intake::Arrived::record`] and [`swerve_flow::Graph::playback`].
 
+mod drive;
 pub mod engage;
 pub mod feed;
 pub mod graph;
+pub mod input;
 pub mod intake;
 mod legacy;
 pub mod orphan;
@@ -42,44 +44,40 @@ pub mod wire;
 mod tests;
 
 use core::time::Duration;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
 use swerve_drive::interrupt::on_interrupt;
-use swerve_drive::page::{COMMAND, REPORT, page_of_log};
+use swerve_drive::left_out_of_logs;
+use swerve_drive::page::COMMAND;
 use swerve_drive::process::Processes;
-use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::views::live_views;
-use swerve_drive::{left_out_of_logs, problems_error};
-use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
+use swerve_flow::{Observer, RunOptions, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
-use swerve_report::files::{RunFolder, write_whole};
+use swerve_report::files::RunFolder;
 use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
-use swerve_ros2::mapping::{Mapping, Role};
-use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_stack::Setup;
-use swerve_stack::config::LiveConfig;
-use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignments;
 
+use drive::located_by;
+pub use drive::{Drive, Driven};
 use engage::Engagement;
-use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
+use feed::{ControlFlags, Feed, Goal, StatusSink};
 use graph::LiveGraph;
 use intake::Intake;
 pub use route::route_problems;
-use sink::{Sink, SinkReport};
+use sink::Sink;
 use summary::Summary;
-use watch::{DriveFigures, Outlet};
+use watch::Outlet;
 use wire::{BridgeWire, HostClock, Wire};
 
 /// Options of `swerve live`.
@@ -142,58 +140,6 @@ impl LiveArgs {
 /// Maximum time for the transport to end.
 const BRIDGE_END: Duration = Duration::from_secs(3);
 
-/// Validated parts of a drive.
-pub struct Drive {
-    /// The configuration.
-    pub config: Setup,
-    /// Its `[live]` table.
-    pub live: LiveConfig,
-    /// Mapping of the topics.
-    pub mapping: Mapping,
-    /// Scenario whose road is followed.
-    pub scenario: Scenario,
-    /// File of the scenario.
-    pub route: PathBuf,
-}
-
-impl Drive {
-    /// Reads a configuration and the route that it names.
-    ///
-    /// # Errors
-    /// All problems found in them.
-    pub fn load(registry: &Registry, file: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Self> {
-        // A vehicle moves in real time.
-        let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
-        let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
-        let mut config = Kind::Live.config(registry, &[file.to_owned()], &sets).map_err(|problems| {
-            let mut all: Vec<String> = problems.iter().map(ToString::to_string).collect();
-            let is_set = sets.iter().any(|(key, _)| key == "live.route");
-            if let Some(document) = Kind::Live.document(file).ok().filter(|_| !is_set) {
-                all.extend(route_problems(Kind::Live.place(file), &document));
-            }
-            problems_error(&all)
-        })?;
-        if config.source.is_some() {
-            // A recording is played in virtual time.
-            config.clock.source = Clock::Virtual;
-        }
-        let live = config.live.clone().with_context(|| {
-            format!("{}: `[live]` is missing: expected at least its key `route`", file.display())
-        })?;
-        let (route, scenario) = route::read(file, &sets, &live)?;
-        let mapping = config.ros2_mapping()?;
-        Ok(Self { config, live, mapping, scenario, route })
-    }
-}
-
-impl Drive {
-    /// Writes the report page of a recorded drive into this folder.
-    fn report(&self, folder: &Path) -> anyhow::Result<()> {
-        let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
-        write_whole(&folder.join(REPORT), page.html().as_bytes())
-    }
-}
-
 /// Options of a drive: duration, threads, progress reports.
 pub struct DriveOptions<'a> {
     /// Instant at which the drive ends, if limited.
@@ -232,27 +178,6 @@ impl Finished {
         let Self(folder) = self;
         folder.name_whole()?;
         Ok(folder)
-    }
-}
-
-/// Result of a drive.
-pub struct Driven {
-    /// Report of the engine, or the error.
-    pub report: Result<RunReport, RunError>,
-    /// Report of the feed.
-    pub feed: FeedReport,
-    /// Report of the sink.
-    pub sink: SinkReport,
-    /// Metrics of the drive.
-    pub figures: DriveFigures,
-}
-
-/// Roles of the topics that provide the ego's position, or from which localization estimates it.
-fn located_by(config: &Setup) -> &'static [Role] {
-    match (config.localization.estimates(), config.localization.reads_lidar(&config.registry)) {
-        (false, _) => &[Role::Odometry],
-        (true, false) => &[Role::Imu, Role::Gnss],
-        (true, true) => &[Role::Imu, Role::Gnss, Role::Lidar],
     }
 }
 

@@ -12,13 +12,14 @@
 
 mod drive;
 mod mounts;
+mod outbox;
 mod show;
 mod streams;
 mod writers;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -26,7 +27,6 @@ use anyhow::Context as _;
 use serde::Serialize;
 use swerve_flow::Observer;
 use swerve_report::output::align;
-use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, EndpointId, Options, ServiceSide};
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
 use swerve_ros2::transport::Transport;
@@ -35,6 +35,7 @@ use swerve_stack::pipeline::Pipeline;
 
 use drive::{DriverInputs, Listener, ListenerReport};
 use mounts::Mounts;
+use outbox::{Make, Outbox};
 use show::Show;
 use streams::Streams;
 
@@ -45,39 +46,8 @@ const LARGE_MAX: usize = 4;
 /// Maximum time for the transport to end.
 const STOP_WITHIN: Duration = Duration::from_secs(2);
 
-/// Builds a message; `None` if it cannot be represented in ROS.
-type Make = Box<dyn FnOnce() -> Option<AnyMessage> + Send>;
-
 /// Autoware's service that requests a control mode of the vehicle.
 const CONTROL_MODE_SERVICE: &str = "/control/control_mode_request";
-
-/// Outgoing messages.
-struct Outbox {
-    bridge: Arc<Transport>,
-    queues: [SyncSender<(EndpointId, Make)>; 2],
-    /// Messages dropped because their queue was full, by endpoint.
-    dropped: Vec<u64>,
-}
-
-impl Outbox {
-    /// Builds and sends a small message.
-    fn small(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
-        self.post(0, id, Box::new(make));
-    }
-
-    /// Builds and sends a large message.
-    fn large(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
-        self.post(1, id, Box::new(make));
-    }
-
-    fn post(&mut self, queue: usize, id: EndpointId, make: Make) {
-        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) =
-            self.queues[queue].try_send((id, make))
-        {
-            self.dropped[id.0] += 1;
-        }
-    }
-}
 
 /// Builds and sends the messages of a queue until it is closed.
 fn send(bridge: &Transport, queue: &Receiver<(EndpointId, Make)>) {

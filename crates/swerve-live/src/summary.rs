@@ -9,12 +9,12 @@ use swerve_msg::GateMode;
 use swerve_report::output::align;
 use swerve_ros2::bridge::{Refused, TopicStatistics};
 
+use super::drive::{Drive, Driven, located_by};
 use super::feed::mode_words;
 use super::intake::{TopicSummary, TopicTally};
 use super::sink::SinkReport;
 use super::time::TopicClock;
 use super::watch::DriveFigures;
-use super::{Drive, Driven};
 
 /// Offset from which a clock is considered to have another origin than the host's, milliseconds.
 const OTHER_BEGINNING_MS: f64 = 60e3;
@@ -159,7 +159,7 @@ impl Clock {
 impl Summary {
     /// Summarises a drive.
     pub fn new(drive: &Drive, driven: &Driven, statistics: &[TopicStatistics]) -> Self {
-        let (needs, located_by) = (driven.feed.intake.needs(), super::located_by(&drive.config));
+        let (needs, located_by) = (driven.feed.intake.needs(), located_by(&drive.config));
         let topic = |TopicSummary { name, role, tally, clock }: TopicSummary<'_>| {
             let wire = statistics.iter().find(|s| s.name == name);
             let ms = |latency: Option<Span>| latency.map(|latency| latency.as_ms());

@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Condvar, MutexGuard};
 

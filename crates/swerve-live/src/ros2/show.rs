@@ -27,9 +27,9 @@ use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::VehicleParams;
 
-use super::Outbox;
 use super::drive::{Moment, Shared};
 use super::mounts::{Mount, Mounts, frame_of};
+use super::outbox::Outbox;
 use super::streams::Streams;
 use crate::shared::lock;
 
