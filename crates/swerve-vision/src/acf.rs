@@ -10,7 +10,6 @@ mod cascade;
 mod decorrelate;
 mod detector;
 mod ground;
-mod stored;
 mod suppress;
 mod template;
 mod weights;
@@ -18,10 +17,9 @@ mod windows;
 
 pub use detector::{Candidate, Scanner, SizeError};
 pub use ground::Ground;
-pub use stored::{feature_step, leaf_step};
 pub use suppress::{Overlap, iou, share, suppress, vote};
 pub use template::Template;
-pub use weights::{Calibration, Model, Rung, Scorer, Weights, WeightsError};
+pub use weights::{Calibration, Model, Rung, Scorer, Weights, WeightsError, feature_step, leaf_step};
 
 use serde::{Deserialize, Serialize};
 

@@ -13,12 +13,11 @@ use swerve_geom::simd::widest;
 
 use crate::acf::Detection;
 use crate::image::Rgb;
-use gradient::{Gradients, PADDING_PX};
+use gradient::{BINS, Gradients, PADDING_PX};
 use resize::Resizer;
 
 /// Side of a cell and stride of blocks and windows, pixels.
 const CELL_PX: usize = 8;
-const BINS: usize = 9;
 /// Values per block: two by two cells.
 const BLOCK: usize = 4 * BINS;
 /// Clipping limit of normalised values.

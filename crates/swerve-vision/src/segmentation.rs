@@ -5,14 +5,16 @@
 //! compares one channel of a cell with a threshold, at one of four scales and thirteen positions around the cell, or
 //! the direction of the cell's ray. The votes of cells of 4 x 4 pixels are interpolated between cells.
 
+mod features;
 mod grow;
 mod planes;
 #[cfg(test)]
 mod tests;
 mod weights;
 
+pub use features::FEATURES;
 pub use grow::{ForestParams, Samples, grow};
-pub use weights::{Class, Tree, Weights};
+pub use weights::{CLASSES, Class, TREES, Tree, Weights};
 
 use crate::acf::{Ground, SizeError};
 use crate::channels::{Channels, Luv, Resampler};
@@ -22,12 +24,6 @@ use planes::{Planes, Walk};
 
 /// Side of a cell, pixels.
 pub const CELL_PX: usize = 4;
-/// Number of features of a cell.
-pub const FEATURES: usize = planes::FEATURES;
-/// Largest number of classes.
-pub const CLASSES: usize = 8;
-/// Largest number of trees.
-pub const TREES: usize = 16;
 /// Relative difference of focal length from the training images above which an image is resized.
 const OTHER_SCALE: f64 = 0.03;
 /// Limits of resizing: from half to twice the size.

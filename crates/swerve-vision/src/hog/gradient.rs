@@ -2,8 +2,9 @@
 
 use swerve_geom::simd::widest;
 
-use super::BINS;
 use crate::channels::{orientation, select};
+
+pub(super) const BINS: usize = 9;
 
 /// Padding of the image on each side, pixels, mirrored at the border pixels.
 pub(super) const PADDING_PX: usize = 8;

@@ -1,34 +1,10 @@
 //! Features of a cell for the forest: channel bytes at four scales, and the direction of the cell's ray.
 
-use super::weights::Tree;
-use super::{CLASSES, TREES};
+use super::features::{FEATURES, LEVELS, PAD, PLACES, RAY};
+use super::weights::{CLASSES, TREES, Tree};
 use crate::acf::{Ground, feature_step};
 use crate::channels::{CHANNELS, halve};
 use crate::stack::Stack;
-
-/// Number of scales, each half of the one before.
-const LEVELS: usize = 4;
-/// Positions around a cell, in cells of the scale.
-const PLACES: [[isize; 2]; 13] = [
-    [0, 0],
-    [-1, 0],
-    [1, 0],
-    [0, -1],
-    [0, 1],
-    [-2, -2],
-    [2, -2],
-    [-2, 2],
-    [2, 2],
-    [-4, 0],
-    [4, 0],
-    [0, -4],
-    [0, 4],
-];
-/// Padding of each scale, in cells: the farthest position, plus one where a scale was rounded down.
-const PAD: usize = 5;
-/// Values of a ray: slope down, slope to the right, and lateral position where it meets the ground.
-const RAY: usize = 3;
-pub(super) const FEATURES: usize = LEVELS * PLACES.len() * CHANNELS + RAY;
 
 /// Slope per unit of a byte; 128 is zero.
 const SLOPE_STEP: f64 = 1.0 / 170.0;

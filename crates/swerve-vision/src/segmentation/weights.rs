@@ -2,8 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{CLASSES, FEATURES, TREES};
+use super::features::FEATURES;
 use crate::weights_file::{WeightsError, WeightsFile, ensure};
+
+/// Largest number of classes.
+pub const CLASSES: usize = 8;
+
+/// Largest number of trees.
+pub const TREES: usize = 16;
 
 const FILE: WeightsFile = WeightsFile { of: "segmentation", magic: "SWERVSEG", version: 1 };
 
