@@ -5,8 +5,6 @@ use std::f64::consts::{PI, TAU};
 use swerve_geom::{Map, Point, Point2, Vector2, math};
 use swerve_msg::truth::{Actor, WorldState};
 
-use super::obstacles::blocks;
-
 /// Number of actors below which all are compared, which is faster than sorting them.
 const SORTED_MIN: usize = 64;
 /// Number of sectors around the sensor.
@@ -65,6 +63,68 @@ fn reach(off: Vector2, radius_m: f64) -> (i64, i64) {
     }
     let (middle, half) = (off.heading(), math::asin(radius_m / distance_m) + MARGIN);
     (sector(middle - half), sector(middle + half))
+}
+
+/// True if the segment from `from` to `to`, without its ends, passes through the body of `actor`.
+fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
+    let ground = |p: Point<Map>| Point2::<Map>::new(p.coords.x, p.coords.y);
+    if !comes_near(actor, ground(from), ground(to)) {
+        return false;
+    }
+    // The part of the segment, as fractions of its length, inside all limits so far.
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    let mut between = |start: f64, end: f64, low: f64, high: f64| {
+        let way = end - start;
+        if way == 0.0 {
+            if start <= low || start >= high {
+                leave = -1.0;
+            }
+            return;
+        }
+        let (a, b) = ((low - start) / way, (high - start) / way);
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    };
+    between(from.coords.z, to.coords.z, actor.z_m, actor.z_m + actor.extent.height_m);
+    if actor.is_round() {
+        match inside_circle(actor.pose.point(), 0.5 * actor.extent.width_m, ground(from), ground(to)) {
+            Some((a, b)) => (enter, leave) = (enter.max(a), leave.min(b)),
+            None => return false,
+        }
+    } else {
+        let a: Point2<Map> = actor.pose.to_local(ground(from));
+        let b: Point2<Map> = actor.pose.to_local(ground(to));
+        let (l, w) = (0.5 * actor.extent.length_m, 0.5 * actor.extent.width_m);
+        between(a.x_m, b.x_m, -l, l);
+        between(a.y_m, b.y_m, -w, w);
+    }
+    // A point that merely touches the body, as with two adjacent boxes, stays visible.
+    leave - enter > 1e-9
+}
+
+/// True if the segment comes within the body's bounding circle; avoids the exact test for most actors.
+fn comes_near(actor: &Actor, from: Point2, to: Point2) -> bool {
+    let radius = actor.footprint().radius();
+    let (along, off) = (to - from, actor.pose.point() - from);
+    let length_squared = along.norm_squared();
+    let t = if length_squared > 0.0 { (off.dot(along) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+    (off - along * t).norm_squared() <= radius * radius
+}
+
+/// Range of the segment inside a circle, as fractions of its length; `None` if outside.
+fn inside_circle(center: Point2, radius_m: f64, from: Point2, to: Point2) -> Option<(f64, f64)> {
+    let (along, off) = (to - from, from - center);
+    let (a, half_b) = (along.norm_squared(), off.dot(along));
+    let c = off.norm_squared() - radius_m * radius_m;
+    if a == 0.0 {
+        return (c < 0.0).then_some((0.0, 1.0));
+    }
+    let discriminant = half_b * half_b - a * c;
+    if discriminant <= 0.0 {
+        return None;
+    }
+    let root = discriminant.sqrt();
+    Some(((-half_b - root) / a, (-half_b + root) / a))
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@
 //! **Random numbers.** All are drawn per (seed, sensor, stamp, actor, scatterer), so that the draws for one actor do
 //! not depend on the presence of others.
 
+mod decibel;
 mod echo;
 mod params;
 mod rcs;
@@ -24,12 +25,13 @@ pub use params::{RadarParams, RadarPreset};
 pub use rcs::rcs_dbsm;
 
 use swerve_core::Rng;
-use swerve_geom::{Ego, Map, Point, Vector, math};
+use swerve_geom::{Ego, Point, math};
 use swerve_msg::truth::{RadarSources, WorldState};
 use swerve_msg::{ActorId, RadarDetection, RadarScan};
 use swerve_vehicle::VehicleParams;
 
 use super::{SensorMount, key};
+use decibel::decibels;
 use echo::{Echo, Eye, echoes, resolved};
 
 /// A radar on the ego.
@@ -137,16 +139,6 @@ impl Radar {
     }
 }
 
-/// Converts a ratio to decibels.
-fn decibels(ratio: f64) -> f64 {
-    10.0 * core::f64::consts::LOG10_E * math::ln(ratio)
-}
-
-/// Converts [`decibels`] to a ratio.
-fn ratio(decibels: f64) -> f64 {
-    math::exp(decibels / (10.0 * core::f64::consts::LOG10_E))
-}
-
 /// Draws from a Poisson distribution with this mean (multiplication of uniforms; Knuth, *The Art of Computer
 /// Programming*, volume 2, 3.4.1).
 fn poisson(rng: &mut Rng, mean: f64) -> usize {
@@ -156,13 +148,6 @@ fn poisson(rng: &mut Rng, mean: f64) -> usize {
         n += 1;
     }
     n
-}
-
-/// Velocity in the map of a point fixed to the ego.
-fn velocity_of(world: &WorldState, center_of_gravity: Point<Ego>, point: Point<Ego>) -> Vector<Map> {
-    let lever = (point - center_of_gravity).coords;
-    let turning = world.ego.angular_velocity_radps.coords.cross(&lever);
-    world.ego.velocity_mps + world.ego.map_from_ego * Vector::<Ego>::new(turning.x, turning.y, turning.z)
 }
 
 #[cfg(test)]

@@ -4,7 +4,9 @@ use swerve_geom::{Ego, Map, Point, Point2, Pose2, Transform, Vector, math};
 use swerve_msg::ActorId;
 use swerve_msg::truth::{Actor, WorldState};
 
-use super::{RadarParams, decibels, rcs_dbsm, velocity_of};
+use super::decibel::decibels;
+use super::params::RadarParams;
+use super::rcs_dbsm;
 use crate::sense::SensorMount;
 use crate::sense::occluders::Occluders;
 
@@ -168,4 +170,15 @@ pub(super) fn resolved(mut echoes: Vec<Echo>, params: &RadarParams) -> Vec<Echo>
         }
     }
     kept
+}
+
+/// Velocity in the map of a point fixed to the ego.
+pub(super) fn velocity_of(
+    world: &WorldState,
+    center_of_gravity: Point<Ego>,
+    point: Point<Ego>,
+) -> Vector<Map> {
+    let lever = (point - center_of_gravity).coords;
+    let turning = world.ego.angular_velocity_radps.coords.cross(&lever);
+    world.ego.velocity_mps + world.ego.map_from_ego * Vector::<Ego>::new(turning.x, turning.y, turning.z)
 }

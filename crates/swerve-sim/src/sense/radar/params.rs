@@ -8,7 +8,7 @@ use swerve_core::Span;
 use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::math;
 
-use super::{decibels, ratio};
+use super::decibel::{decibels, ratio};
 
 /// Cross-section to which [`RadarParams::half_range_m`] refers, dBsm: about that of a car from behind.
 const HALF_RANGE_RCS_DBSM: f64 = 10.0;

@@ -1,11 +1,12 @@
 use core::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, PI};
 
 use swerve_core::{Span, Time, digest_of};
-use swerve_geom::{Pose2, Transform, Vector2};
+use swerve_geom::{Pose2, Transform, Vector, Vector2};
 use swerve_msg::truth::Actor;
 use swerve_msg::{ActorKind, Side};
 use swerve_vehicle::Shape;
 
+use super::decibel::ratio;
 use super::*;
 use crate::sense::tests::{actor, person, world};
 
