@@ -7,7 +7,7 @@ use serde::Serialize;
 use swerve_drive::page::{RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::views::views_of;
-use swerve_drive::{RunInput, drive_pipeline, load, trust};
+use swerve_drive::{Outcome, RunInput, drive_pipeline, load, trust};
 use swerve_flow::{EndReason, Event, Observer};
 use swerve_foxglove::Foxglove;
 use swerve_msg::{EgoState, Encoding, Image, PointCloud};
@@ -25,11 +25,13 @@ use swerve_stack::span_of_ms;
 use swerve_text::parse_assignments;
 use swerve_vehicle::Kinematic;
 
-use crate::Summarise;
 use crate::foxglove::Streams;
 use crate::looks::{Sight, from_above};
 use crate::show::{Begin, Over, Show};
 use crate::wheel::Wheel;
+
+/// Function that returns the content of `metrics.json` for a run.
+pub type Summarise<'a> = &'a dyn Fn(&Setup, &Scenario, &Outcome) -> anyhow::Result<String>;
 
 /// Runs the scenarios requested by the page.
 pub(crate) struct Driver<'a> {

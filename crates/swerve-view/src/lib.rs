@@ -24,14 +24,13 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use swerve_drive::RunInput;
 use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{log_of, page_of_log};
-use swerve_drive::{Outcome, RunInput};
 use swerve_report::output::{print, tell};
-use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_stack::Setup;
 
+pub use crate::drive::Summarise;
 use crate::drive::{Begins, Driver};
 use crate::foxglove::Streams;
 use crate::server::Server;
@@ -92,9 +91,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 pub const MISSING: Option<&str> = if cfg!(feature = "foxglove") { None } else { Some(NOT_BUILT) };
 
 const NOT_BUILT: &str = "this program was built without Foxglove's server: build it with `--features foxglove` (all: `--features full`)";
-
-/// Function that returns the content of `metrics.json` for a run.
-pub type Summarise<'a> = &'a dyn Fn(&Setup, &Scenario, &Outcome) -> anyhow::Result<String>;
 
 /// Runs `swerve view` until it is interrupted.
 ///
