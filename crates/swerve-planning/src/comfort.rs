@@ -21,6 +21,7 @@ mod beside;
 mod decision;
 mod ends;
 mod meet;
+mod scene;
 mod steer_out;
 mod stop;
 

@@ -7,8 +7,8 @@ use swerve_vehicle::Limits;
 
 use crate::brake::{brake, brake_along, way_ahead};
 use crate::collision::{Obstacles, contact_mps};
-use crate::fot::curvature_max_1pm;
 use crate::fot::poly::Quintic;
+use crate::lock::curvature_max_1pm;
 use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::path::route::PATH_STEP_M;
 use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};

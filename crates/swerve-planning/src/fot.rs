@@ -15,6 +15,7 @@ mod nearness;
 mod params;
 pub(crate) mod poly;
 pub mod search;
+mod task;
 
 pub use params::Params;
 pub(crate) use params::WEIGHT_MAX;
@@ -22,12 +23,12 @@ pub(crate) use params::WEIGHT_MAX;
 use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
-use swerve_vehicle::{Limits, Shape};
 
 use crate::brake::way_ahead;
 use crate::collision::{CollisionMode, Obstacles, Solid};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::lane::stretch;
+pub use crate::lock::curvature_max_1pm;
 use crate::path::route::PATH_STEP_M;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
@@ -37,8 +38,9 @@ use lattice::Lattice;
 use line::{Line, OnLine, RouteLine};
 use motion::{Checks, Drivable, MotionState};
 use poly::Quintic;
-use search::{Search, Task};
+use search::Search;
 use swerve_core::param::ParamError;
+use task::Task;
 
 /// Largest time step of a plan, seconds.
 const POINT_STEP_S: f64 = 0.1;
@@ -409,11 +411,6 @@ fn standing_curvature_1pm(request: &Request<'_>, speed_mps: f64) -> f64 {
         start.yaw_rate_radps / speed_mps
     };
     curvature.clamp(-tightest, tightest)
-}
-
-/// Curvature at full lock, 1/m.
-pub fn curvature_max_1pm(limits: &Limits, shape: &Shape) -> f64 {
-    math::tan(limits.steering_max_rad) / shape.wheelbase_m
 }
 
 /// Plan of a candidate with points at most `POINT_STEP_S` apart.

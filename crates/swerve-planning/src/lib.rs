@@ -15,6 +15,7 @@ mod following;
 pub mod fot;
 pub mod hybrid_astar;
 mod lane;
+mod lock;
 mod passing;
 pub mod path;
 mod request;

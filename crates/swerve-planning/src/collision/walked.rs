@@ -4,7 +4,7 @@ use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, math};
 use swerve_msg::Prediction;
 
-use super::sizes_m;
+use super::size::sizes_m;
 
 /// A pedestrian predicted to move at most this far counts as standing, metres.
 const STANDS_M: f64 = 0.02;

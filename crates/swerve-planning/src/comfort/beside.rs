@@ -4,11 +4,11 @@
 use swerve_geom::math;
 use swerve_msg::{Plan, PlanStatus};
 
-use super::decision::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
+use super::scene::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
 use super::{CURVE_SHARE, Comfort};
 use crate::following::{FallBack, Lead, Profile, Response, STEP_S, Step, needed_mps2};
-use crate::fot::curvature_max_1pm;
 use crate::lane::{Aside, QUINTIC_BEND, aside, aside_then_back};
+use crate::lock::curvature_max_1pm;
 use crate::passing::{Passing, RETURN_GAP_M};
 use crate::request::{Counted, Request};
 use crate::traffic::{Mover, STANDS_MPS};

@@ -3,10 +3,12 @@
 use swerve_core::Time;
 use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
-use swerve_vehicle::Limits;
 
 use super::ends::{AT_REST_MPS, brakes_mps2, ends_beside, ends_beyond, ends_slower, rests};
-use super::steer_out::{NEAR_M, is_clear_at};
+use super::scene::{
+    HARD_CLEARANCE_M, HARDER_MPS2, NEAR_M, REST_MPS, Scene, UNDER_WAY, can_lead, comfortable, is_clear_at,
+    stepped_up_m,
+};
 use super::{
     BRAKE_SHARE, CURVE_SHARE, Comfort, LANE_EDGE_M, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, Params,
     RIGHT_MAX_M, SWERVE_SHARE, taken_up,
@@ -14,9 +16,9 @@ use super::{
 use crate::collision::CollisionMode;
 use crate::fallback::kept;
 use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, Response, SpeedTable, Step};
-use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
 use crate::lane::{Lane, back_to_centre, stretch, towards_centre};
+use crate::lock::curvature_max_1pm;
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::room::{Room, Wanted};
@@ -411,31 +413,6 @@ impl Comfort {
     }
 }
 
-/// Input of one planning step of the layer.
-#[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
-    /// Request from the state where the plan continues, within the limits of comfort.
-    pub(super) request: &'a Request<'a>,
-    /// Place of that state along the line.
-    pub(super) place: OnLine,
-    pub(super) traffic: &'a Traffic,
-    /// Limits of the vehicle.
-    pub(super) vehicle: &'a Limits,
-    /// Speeds that the curves ahead allow.
-    pub(super) curves: &'a SpeedTable,
-    /// True if the speed is to change at once: for a curve ahead, or away from a road user behind.
-    pub(super) at_once: bool,
-}
-
-/// True for vehicles, which are followed, and for obstacles that close the road, which are stopped for.
-pub(super) fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
-    one.is_vehicle() || one.closes(request.route, request.shape.width_m)
-}
-
-pub(super) fn comfortable(plan: Plan) -> Plan {
-    Plan { status: PlanStatus::Comfortable, ..plan }
-}
-
 /// Target speed; if a road user behind is about to hit the ego, its speed, up to a factor above the target.
 fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64 {
     let Some(Behind { gap_m, speed_mps: behind_mps }) = follower else { return target_mps };
@@ -450,9 +427,6 @@ fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64
 const HURRIED_BEFORE_S: f64 = 2.0;
 const HURRIED_SHARE: f64 = 1.2;
 
-/// Fraction of the time to collision in the other lane that suffices once the ego is in it.
-pub(super) const UNDER_WAY: f64 = 0.6;
-
 /// Fraction of it that suffices while an ego that abandons a pass returns to its lane.
 const BACK_TTC_SHARE: f64 = 0.25;
 
@@ -466,11 +440,6 @@ fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
     };
     let [left_m, right_m] = [lane.left(), lane.right()].map(|border| room_m(border.min_between_m(ahead)));
     (left_m.min(LEFT_MAX_M), right_m.min(RIGHT_MAX_M))
-}
-
-/// Next lattice offset that is not smaller, metres.
-pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
-    ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
 /// Step of a pedestrian to the side that she faces, metres.
@@ -489,17 +458,8 @@ const MOVES_OUT_M: f64 = 0.3;
 /// Below this speed the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;
 
-/// Below this speed the ego has not set off, m/s.
-pub(super) const REST_MPS: f64 = 0.1;
-
 /// Look-ahead distance for the lane's borders, metres.
 const LANE_AHEAD_M: f64 = 60.0;
-
-/// A plan that exceeds the comfort deceleration by more than this is not comfortable, m/s².
-pub(super) const HARDER_MPS2: f64 = 0.1;
-
-/// Distance from obstacles that suffices where the comfort clearance is not available, metres.
-pub(super) const HARD_CLEARANCE_M: f64 = 0.3;
 
 /// Fraction of the clearance that suffices for a pass under way.
 const KEPT_SHARE: f64 = 0.8;

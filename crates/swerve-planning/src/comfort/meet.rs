@@ -3,7 +3,7 @@
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
-use super::decision::{HARD_CLEARANCE_M, Scene};
+use super::scene::{HARD_CLEARANCE_M, Scene};
 use super::{Comfort, EDGE_SWING_M};
 use crate::lane::{Aside, aside};
 use crate::request::Request;

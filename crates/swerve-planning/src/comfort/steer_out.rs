@@ -2,12 +2,12 @@
 
 use swerve_msg::Plan;
 
-use super::decision::{HARD_CLEARANCE_M, Scene, comfortable, stepped_up_m};
+use super::scene::{HARD_CLEARANCE_M, NEAR_M, Scene, comfortable, is_clear_at, stepped_up_m};
 use super::{CURVE_SHARE, Comfort, LATERAL_STEP_M};
 use crate::following::{self, Lead, Response};
-use crate::fot::curvature_max_1pm;
 use crate::fot::line::Line;
 use crate::lane::{Aside, QUINTIC_BEND, aside};
+use crate::lock::curvature_max_1pm;
 use crate::passing::Passing;
 use crate::request::Request;
 use crate::traffic::{Mover, STANDS_MPS};
@@ -97,21 +97,6 @@ impl Comfort {
     }
 }
 
-/// Returns true if an ego that continues from `s_m` at an offset passes all standing obstacles within `ahead_m`, except
-/// people.
-pub(super) fn is_clear_at(
-    scene: &Scene<'_>,
-    [s_m, d_m]: [f64; 2],
-    (ahead_m, clearance_m): (f64, f64),
-) -> bool {
-    let half_m = 0.5 * scene.request.shape.width_m + clearance_m;
-    scene.traffic.movers.iter().filter(|one| one.stands() && !one.kind.is_person()).all(|one| {
-        let at = one.knots[0];
-        let is_near = at.to_m > s_m && at.from_m < s_m + ahead_m;
-        !is_near || at.right_m > d_m + half_m || at.left_m < d_m - half_m
-    })
-}
-
 /// The same request at a walking pace.
 fn walking<'a>(request: &Request<'a>) -> Request<'a> {
     Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request }
@@ -125,9 +110,6 @@ fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead
 
 /// Above this speed a lateral motion over time is used instead, m/s.
 const STEERS_OUT_MPS: f64 = 5.0;
-
-/// Standing obstacles within this distance ahead are to be passed, metres.
-pub(super) const NEAR_M: f64 = 30.0;
 
 /// A walking pace, m/s: 7 km/h.
 const WALKING_MPS: f64 = 2.0;

@@ -5,7 +5,7 @@ use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanStatus};
 
 use super::Comfort;
-use super::decision::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
+use super::scene::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
 use crate::following::Step;
 use crate::lane::{Aside, aside, stretch};
 use crate::passing::is_oncoming;

@@ -1,7 +1,7 @@
 //! Result of a search, and the conditions it checks.
 
 use super::motion::{Hints, Motion};
-use super::search::Task;
+use super::task::Task;
 
 /// A candidate motion.
 #[derive(Clone, Copy, PartialEq, Debug)]

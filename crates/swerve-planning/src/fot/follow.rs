@@ -3,7 +3,7 @@
 use swerve_core::Span;
 
 use super::lattice::Aim;
-use super::search::Task;
+use super::task::Task;
 
 /// Interval over which the speed of the obstacle ahead is measured, seconds.
 const SPEED_OVER_S: f64 = 0.5;

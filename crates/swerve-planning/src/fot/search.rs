@@ -22,12 +22,13 @@ use swerve_geom::simd::widest;
 use super::candidate::{Candidate, Judge, Outcome, TaskChecks};
 use super::lateral::FrenetState;
 use super::lattice::Lattice;
-use super::line::Line;
-use super::motion::{Checks, Motion, OVERSPEED};
+use super::motion::{Motion, OVERSPEED};
 use super::nearness::{Beside, Corners, Points, sum_nearness};
 use super::params::Params;
 use super::poly::Quintic;
 use crate::request::{Budget, Progress};
+
+pub use super::task::Task;
 
 /// Ranges of at most this many offsets are evaluated one by one.
 const LEAVES: u32 = 3;
@@ -37,23 +38,6 @@ const BOUND_SLACK: f64 = 1e-9;
 
 /// After this many failures all candidates are checked for failing at the same place.
 const FAILURES: u32 = 32;
-
-/// Input of a search.
-#[derive(Clone, Copy, Debug)]
-pub struct Task<'a> {
-    /// Limits and weights.
-    pub params: &'a Params,
-    /// The reference line.
-    pub line: &'a Line,
-    /// Samples beyond this arc length are ignored, metres; infinite: the line continues.
-    pub cut_m: f64,
-    /// Start state of the ego.
-    pub start: FrenetState,
-    /// Target speed, m/s.
-    pub target_mps: f64,
-    /// Conditions on the result.
-    pub checks: Checks<'a>,
-}
 
 /// The search, with storage that is reused between calls.
 #[derive(Clone, Debug, Default)]

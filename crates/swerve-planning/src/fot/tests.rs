@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use swerve_core::Time;
 use swerve_geom::{Point2, Polyline};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, Route};
+use swerve_vehicle::{Limits, Shape};
 
 #[test]
 fn conforms() {
