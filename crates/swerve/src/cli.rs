@@ -117,8 +117,8 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args, registry),
         Command::Scenarios(args) => scenarios::run(args),
-        Command::Completions(args) => shell::completions(args),
-        Command::Man(args) => shell::man(args),
+        Command::Completions(args) => shell::completions(args, Cli::command()),
+        Command::Man(args) => shell::man(args, Cli::command()),
         Command::Worker => process::run_worker(registry),
         Command::Transport => swerve_live::orphan::run_transport(registry),
     }

@@ -3,13 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use clap::CommandFactory as _;
 use clap_complete::Shell;
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
-
-use crate::cli::Cli;
 
 /// `swerve completions`.
 #[derive(clap::Args, Debug)]
@@ -28,17 +25,16 @@ pub(crate) struct ManArgs {
     overwrite: OverwriteArgs,
 }
 
-/// Prints the completion script of a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<()> {
+/// Prints the completion script of a command line for a shell.
+pub(crate) fn completions(args: &CompletionsArgs, mut command: clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "swerve", &mut script);
+    clap_complete::generate(args.shell, &mut command, "swerve", &mut script);
     print(&String::from_utf8(script)?)
 }
 
 /// Writes a page for every command.
-pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
+pub(crate) fn man(args: &ManArgs, mut command: clap::Command) -> anyhow::Result<()> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let mut command = Cli::command();
     command.build();
     let mut count = 0;
     let mut open = vec![command];
@@ -58,7 +54,10 @@ pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory as _;
+
     use super::*;
+    use crate::cli::Cli;
 
     #[test]
     fn every_shell_and_every_command_is_covered() {
@@ -69,7 +68,8 @@ mod tests {
             assert!(script.contains("calibrate") && script.contains("seed"), "{shell}");
         }
         let folder = tempfile::tempdir().unwrap();
-        man(&ManArgs { out: folder.path().to_owned(), overwrite: OverwriteArgs::default() }).unwrap();
+        man(&ManArgs { out: folder.path().to_owned(), overwrite: OverwriteArgs::default() }, Cli::command())
+            .unwrap();
         for page in ["swerve.1", "swerve-run.1", "swerve-study-merge.1"] {
             let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
             assert!(text.starts_with(".ie") && text.contains(".SH"), "{page}: {text:.60}");
