@@ -7,7 +7,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize, Serializer};
 use xxhash_rust::xxh3::Xxh3;
 
-use form::Form;
+use form::{DEFAULT, Form};
 
 /// A 64-bit fingerprint (XXH3), printed as sixteen hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -79,11 +79,8 @@ impl fmt::Debug for Hasher {
 pub fn digest_of<T: Serialize + ?Sized>(value: &T) -> Digest {
     let mut form = Form::new();
     form.take_in(value);
-    form.digest()
+    Digest(form.hash())
 }
-
-/// Name by which a [`Form`] recognises a default that it leaves out.
-const DEFAULT: &str = "swerve default";
 
 /// Serializes a field that was added to a type, with `#[serde(default, serialize_with = "unless_default")]`: its default
 /// adds nothing to digests, which thus remain those of earlier versions. All other formats contain it.

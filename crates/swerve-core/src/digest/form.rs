@@ -20,7 +20,8 @@ use core::fmt;
 use serde::{Serialize, ser};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::Digest;
+/// Name by which a [`Form`] recognises a default that it leaves out.
+pub(super) const DEFAULT: &str = "swerve default";
 
 /// Size of the buffer that a form is collected in, bytes: most messages fit and are hashed at once.
 const FORM_MAX: usize = 256;
@@ -84,17 +85,17 @@ impl Form {
         self.rest.map(|rest| *rest).unwrap_or_default()
     }
 
-    /// Digest of everything taken in. By reference, because moving the bytes costs more than hashing a small form;
+    /// Hash of everything taken in. By reference, because moving the bytes costs more than hashing a small form;
     /// inlined, so that the form's length is known at compile time for plain types.
     #[inline(always)]
-    pub(super) fn digest(&mut self) -> Digest {
-        if self.rest.is_none() { Digest(xxh3_64(&self.bytes[..self.len])) } else { self.long_digest() }
+    pub(super) fn hash(&mut self) -> u64 {
+        if self.rest.is_none() { xxh3_64(&self.bytes[..self.len]) } else { self.long_hash() }
     }
 
     #[cold]
-    fn long_digest(&mut self) -> Digest {
+    fn long_hash(&mut self) -> u64 {
         self.spill();
-        Digest(self.rest.get_or_insert_default().digest())
+        self.rest.get_or_insert_default().digest()
     }
 }
 
@@ -239,7 +240,7 @@ impl<'a> ser::Serializer for &'a mut Form {
         name: &'static str,
         value: &T,
     ) -> Result<(), Refused> {
-        if name == super::DEFAULT { Ok(()) } else { value.serialize(self) }
+        if name == DEFAULT { Ok(()) } else { value.serialize(self) }
     }
 
     fn serialize_newtype_variant<T: Serialize + ?Sized>(
