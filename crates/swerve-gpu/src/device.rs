@@ -1,10 +1,9 @@
 //! Devices shared between back ends.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter};
-use crate::open::open_first;
+use crate::adapter::AdapterReport;
 
 /// Number of storage buffers that the shaders need in one stage.
 const STORAGE_BUFFERS: u32 = 8;
@@ -21,35 +20,7 @@ pub struct Gpu {
     error: Arc<Mutex<Option<String>>>,
 }
 
-/// Devices returned by [`Gpu::shared`]: GPU, software.
-static SHARED: Mutex<[Weak<Gpu>; 2]> = Mutex::new([Weak::new(), Weak::new()]);
-
 impl Gpu {
-    /// The shared device of this kind in this process; opened if there is none or the previous one has failed.
-    ///
-    /// # Errors
-    /// If no adapter of the kind is usable.
-    pub fn shared(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
-        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = &mut shared[usize::from(kind == AdapterKind::Software)];
-        if let Some(gpu) = place.upgrade().filter(|gpu| gpu.error().is_none()) {
-            return Ok(gpu);
-        }
-        let gpu = Self::fresh(kind)?;
-        *place = Arc::downgrade(&gpu);
-        Ok(gpu)
-    }
-
-    /// Opens an unshared device of this kind.
-    ///
-    /// # Errors
-    /// If no adapter of the kind is usable.
-    pub fn fresh(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
-        let mut adapters = Adapters::default();
-        let gpu = open_first(&mut adapters, &mut |report| report.kind == Some(kind));
-        gpu.map(Arc::new).ok_or_else(|| adapters.none(kind))
-    }
-
     /// Opens a device on an adapter; the error text states the reason.
     pub(crate) fn open(adapter: &wgpu::Adapter, report: &AdapterReport) -> Result<Self, String> {
         let limits = adapter.limits();
@@ -164,7 +135,7 @@ fn note(first: &Mutex<Option<String>>, error: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::probe;
+    use crate::{AdapterKind, probe};
 
     #[test]
     fn probed_adapters_open_as_reported() {

@@ -1,11 +1,12 @@
-//! Detection of graphics adapters.
+//! Detection of graphics adapters, and devices opened on them.
 //!
 //! Vulkan is tried before OpenGL. An adapter counts only if a device can be opened on it and meets the requirements
 //! of the shaders: some drivers list adapters that they cannot open.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use crate::adapter::{AdapterKind, AdapterReport, Adapters};
+use crate::adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter};
 use crate::device::Gpu;
 use crate::drivers;
 
@@ -21,11 +22,38 @@ pub fn probe() -> Adapters {
     adapters
 }
 
+/// Devices returned by [`Gpu::shared`]: GPU, software.
+static SHARED: Mutex<[Weak<Gpu>; 2]> = Mutex::new([Weak::new(), Weak::new()]);
+
+impl Gpu {
+    /// The shared device of this kind in this process; opened if there is none or the previous one has failed.
+    ///
+    /// # Errors
+    /// If no adapter of the kind is usable.
+    pub fn shared(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = &mut shared[usize::from(kind == AdapterKind::Software)];
+        if let Some(gpu) = place.upgrade().filter(|gpu| gpu.error().is_none()) {
+            return Ok(gpu);
+        }
+        let gpu = Self::fresh(kind)?;
+        *place = Arc::downgrade(&gpu);
+        Ok(gpu)
+    }
+
+    /// Opens an unshared device of this kind.
+    ///
+    /// # Errors
+    /// If no adapter of the kind is usable.
+    pub fn fresh(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
+        let mut adapters = Adapters::default();
+        let gpu = open_first(&mut adapters, &mut |report| report.kind == Some(kind));
+        gpu.map(Arc::new).ok_or_else(|| adapters.none(kind))
+    }
+}
+
 /// Opens adapters in order and reports on them, until `accept` takes one.
-pub(crate) fn open_first(
-    adapters: &mut Adapters,
-    accept: &mut dyn FnMut(&AdapterReport) -> bool,
-) -> Option<Gpu> {
+fn open_first(adapters: &mut Adapters, accept: &mut dyn FnMut(&AdapterReport) -> bool) -> Option<Gpu> {
     for (api, name) in APIS {
         let listed = list(api);
         if listed.is_empty() {
