@@ -18,10 +18,7 @@ use rustix::fs::{Access, access};
 use serde::{Deserialize, Serialize};
 
 use crate::IpcError;
-use crate::leftovers::{self, Marker};
-
-/// Folder of POSIX shared memory.
-pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+use crate::leftovers::{self, Marker, SHARED_MEMORY, gone, user};
 
 /// Names of a run's files and folders on the machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -128,10 +125,6 @@ fn base() -> PathBuf {
     temporary.unwrap_or_else(|| PathBuf::from("/tmp")).join(format!("swerve_ipc_{}", user()))
 }
 
-pub(crate) fn user() -> u32 {
-    fs::metadata("/proc/self").map_or(0, |of| of.uid())
-}
-
 fn is_ours_alone(folder: &Path) -> bool {
     fs::symlink_metadata(folder).is_ok_and(|of| of.is_dir() && of.uid() == user() && of.mode() & 0o077 == 0)
 }
@@ -206,14 +199,6 @@ fn remove_run(address: &Address, lock_file: &Path) -> io::Result<()> {
     }
     gone(fs::remove_dir_all(&address.root))?;
     gone(fs::remove_file(lock_file))
-}
-
-/// Treats `NotFound` as success: there is nothing to remove.
-pub(crate) fn gone(result: io::Result<()>) -> io::Result<()> {
-    match result {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
 }
 
 /// Checks that this user may create files in a folder.

@@ -10,7 +10,8 @@ use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use crate::folder::{SHARED_MEMORY, gone, user};
+/// Folder of POSIX shared memory.
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// Prefix of the names of all runs' files.
 const PROGRAM: &str = "swerve_";
@@ -120,6 +121,18 @@ fn run_of(file: &str) -> Option<&str> {
 fn is_alive(run: &str) -> bool {
     let process = run.split('_').next().unwrap_or_default();
     !Path::new("/proc/self").exists() || Path::new("/proc").join(process).exists()
+}
+
+/// Treats `NotFound` as success: there is nothing to remove.
+pub(crate) fn gone(result: io::Result<()>) -> io::Result<()> {
+    match result {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+pub(crate) fn user() -> u32 {
+    fs::metadata("/proc/self").map_or(0, |of| of.uid())
 }
 
 #[cfg(test)]

@@ -24,7 +24,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use rustix::fs::{FallocateFlags, fallocate, statvfs};
 
 use crate::IpcError;
-use crate::folder::{Address, SHARED_MEMORY, shared_files, writable};
+use crate::folder::{Address, shared_files, writable};
+use crate::leftovers::SHARED_MEMORY;
 use crate::message::{Depth, Head, Kind};
 
 /// Thread-safe service: several threads use the ports of one process.
