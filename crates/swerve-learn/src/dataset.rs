@@ -41,8 +41,8 @@ use swerve_text::{FILE_MAX, read_bytes, read_string};
 use coco::Coco;
 use kitti::Kitti;
 use sample::{Collector, Sample};
-use state::State;
-pub(crate) use state::is_complete;
+pub(crate) use state::{INDEX, is_complete};
+use state::{SAMPLES, State};
 
 /// `swerve dataset`.
 #[derive(clap::Args, Debug)]
@@ -237,11 +237,6 @@ struct Writer {
     listed_next: usize,
     state: State,
 }
-
-/// Folder of the samples.
-const SAMPLES: &str = "kitti";
-/// Index file with one line per sample.
-pub(crate) const INDEX: &str = "index.csv";
 
 impl Writer {
     fn new(

@@ -7,6 +7,12 @@ use serde::{Deserialize, Serialize};
 use swerve_report::files::write_whole;
 use swerve_text::{FILE_MAX, read_string};
 
+/// Folder of the samples.
+pub(super) const SAMPLES: &str = "kitti";
+
+/// Index file with one line per sample.
+pub(crate) const INDEX: &str = "index.csv";
+
 /// Name of the state file.
 const FILE: &str = ".dataset.json";
 
@@ -44,7 +50,7 @@ impl State {
         let reading = || format!("reading {}", path.display());
         let text = read_string(&path, FILE_MAX).with_context(reading)?;
         let state: Self = serde_json::from_str(&text).with_context(reading)?;
-        if state.call != call && state.samples == 0 && !out.join(super::SAMPLES).exists() {
+        if state.call != call && state.samples == 0 && !out.join(SAMPLES).exists() {
             // Another call was interrupted before its first sample.
             return Ok(Self { call: call.to_owned(), ..state });
         }
@@ -68,10 +74,7 @@ impl State {
 pub(crate) fn is_complete(out: &Path) -> bool {
     // Data sets of earlier versions have no state; their index was written last.
     let state = read_string(&file(out), FILE_MAX).map(|text| serde_json::from_str::<State>(&text).ok());
-    state.map_or_else(
-        |_| out.join(super::INDEX).exists(),
-        |state| state.is_some_and(|state| state.is_complete),
-    )
+    state.map_or_else(|_| out.join(INDEX).exists(), |state| state.is_some_and(|state| state.is_complete))
 }
 
 fn file(out: &Path) -> PathBuf {
