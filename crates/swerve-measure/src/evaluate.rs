@@ -2,6 +2,7 @@
 //! ground truth.
 
 mod coco;
+mod input;
 mod kitti;
 mod localization;
 pub(crate) mod mot;
@@ -11,14 +12,12 @@ mod registration;
 mod tests;
 mod timely;
 
-use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
-use swerve_report::files::read_whole;
 use swerve_report::output::align;
 use swerve_stack::Registry;
 
@@ -156,22 +155,4 @@ fn flat(within: &str, value: &Value) -> Vec<(String, String)> {
 /// A share with four decimals, `-` if missing.
 fn cell(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{share:.4}"))
-}
-
-/// Error in a line of a file.
-fn wrong(path: &Path, line: usize, what: impl Display) -> anyhow::Error {
-    anyhow!("{}:{line}: {what}", path.display())
-}
-
-/// Text of a file of up to 1 GiB: results of a whole data set take hundreds of megabytes.
-fn text(path: &Path) -> anyhow::Result<String> {
-    swerve_text::decoded(read_whole(path)?).map_err(|error| wrong(path, error.line, error))
-}
-
-/// Parses the number in a column.
-fn number(name: &str, word: &str) -> Result<f64, String> {
-    match word.trim().parse() {
-        Ok(number) if f64::is_finite(number) => Ok(number),
-        _ => Err(format!("{name}: expected a finite number, found `{}`", word.trim())),
-    }
 }

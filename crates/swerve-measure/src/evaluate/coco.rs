@@ -9,7 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use swerve_eval::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
 use swerve_text::from_json;
 
-use super::{Compared, numbers, text};
+use super::input::text;
+use super::{Compared, numbers};
 
 #[derive(Deserialize)]
 #[serde(expecting = "an object with `images`, `categories` and `annotations`")]

@@ -9,7 +9,8 @@ use swerve_eval::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiT
 use swerve_report::output::{align, tell};
 use swerve_text::did_you_mean;
 
-use super::{Compared, cell, number, text, wrong};
+use super::input::{number, text, wrong};
+use super::{Compared, cell};
 
 /// Number of columns of a label; a detected box has its score after them.
 const COLUMNS: usize = 15;

@@ -8,7 +8,8 @@ use std::path::Path;
 
 use swerve_eval::{TrackingFrame, TrackingMetrics};
 
-use super::{Compared, number, text, wrong};
+use super::Compared;
+use super::input::{number, text, wrong};
 
 /// Maximum number of frames: the range from the first to the last is iterated.
 const FRAMES_MAX: u64 = 10_000_000;

@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use swerve_drive::problems_error;
 use swerve_msg::{PredictionList, TrackList};
 use swerve_prediction::learned::Weights;
@@ -24,7 +23,7 @@ use swerve_stack::Setup;
 use swerve_text::{did_you_mean, in_one_line, list, parse_assignments};
 
 use files::Lanes;
-pub use files::{File, file, on_lanes};
+pub use files::{File, Format, file, on_lanes};
 pub use tally::{Figures, Tally};
 
 /// Recorded tracks, and the predictor to evaluate.
@@ -63,18 +62,6 @@ pub(super) struct PredictionArgs {
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
-}
-
-#[expect(missing_docs, reason = "in help and schemas the keys that take it describe it")]
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum, Deserialize, JsonSchema)]
-#[value(rename_all = "snake_case")]
-#[serde(rename_all = "snake_case")]
-pub enum Format {
-    /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames per 0.4 s
-    EthUcy,
-    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows every 0.1 s; lanes from *.xml or *.xml.gz in the
-    /// sibling folder `maps`
-    CommonroadCsv,
 }
 
 /// Road users that are evaluated.

@@ -13,6 +13,8 @@ use swerve_localization::voxels::{VoxelMap, VoxelSums, coarser};
 use swerve_localization::{downsampled, icp, ply};
 use swerve_report::files::read_whole;
 
+use super::input::{self, number, wrong};
+
 /// Two point clouds and the matching method.
 #[derive(clap::Args, Debug)]
 pub(super) struct RegistrationArgs {
@@ -265,13 +267,11 @@ fn cloud(path: &Path) -> anyhow::Result<Vec<Vector3<f64>>> {
 
 /// Reads a transform of four rows of four numbers.
 fn pose(path: &Path) -> anyhow::Result<Isometry3<f64>> {
-    let text = super::text(path)?;
+    let text = input::text(path)?;
     let mut numbers = Vec::new();
     for (k, line) in text.lines().enumerate() {
         for word in line.split_ascii_whitespace() {
-            numbers.push(
-                super::number("a number of 4 x 4", word).map_err(|what| super::wrong(path, k + 1, what))?,
-            );
+            numbers.push(number("a number of 4 x 4", word).map_err(|what| wrong(path, k + 1, what))?);
         }
     }
     let found = numbers.len();

@@ -5,12 +5,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::anyhow;
-use serde::Serialize;
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use swerve_prediction::lanes::LaneGraph;
 use swerve_prediction::recorded::{Recording, commonroad_csv, commonroad_lanelets, eth_ucy, text};
 use swerve_report::files::{entries, read_whole};
 
-use super::Format;
+#[expect(missing_docs, reason = "in help and schemas the keys that take it describe it")]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum, Deserialize, JsonSchema)]
+#[value(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case")]
+pub enum Format {
+    /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames per 0.4 s
+    EthUcy,
+    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows every 0.1 s; lanes from *.xml or *.xml.gz in the
+    /// sibling folder `maps`
+    CommonroadCsv,
+}
 
 /// Name of the folder with maps beside the recordings.
 const MAPS: &str = "maps";
