@@ -17,6 +17,7 @@
 mod class;
 pub mod hash;
 mod library;
+mod look;
 mod material;
 mod mesh;
 mod scene;
@@ -29,7 +30,8 @@ pub use library::{
     Kind, LaneLine, LinePattern, MeshId, MeshLibrary, Model, PHASES, RoadLayout, RoadPiece, SideOfRoad, Size,
     ground_pieces, road_pieces, walk_phase,
 };
+pub use look::{Look, lamps};
 pub use material::{Material, Texture};
 pub use mesh::{Body, Mesh, MeshBuilder, MeshError, MeshParts};
-pub use scene::{Instance, Light, Look, Motion, Scene, StaticPart, lamps};
+pub use scene::{Instance, Light, Motion, Scene, StaticPart};
 pub use weather::{Sun, UnknownWeather, Weather, WeatherPreset};

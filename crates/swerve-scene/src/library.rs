@@ -17,8 +17,8 @@ pub use road::{LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, ground_
 
 use crate::SemanticClass;
 use crate::hash::{Draws, Key};
+use crate::look::Look;
 use crate::mesh::Mesh;
-use crate::scene::Look;
 
 /// A mesh of a [`MeshLibrary`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]

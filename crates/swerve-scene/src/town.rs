@@ -7,9 +7,10 @@ use crate::hash::Draws;
 use crate::library::{
     Kind, LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, Size, ground_pieces, road_pieces,
 };
+use crate::look::lamps;
 use crate::material::{Material, Texture};
 use crate::mesh::MeshBuilder;
-use crate::scene::{Instance, Light, Scene, lamps};
+use crate::scene::{Instance, Light, Scene};
 use crate::weather::WeatherPreset;
 
 /// Half of the width of the main street, metres.

@@ -1,9 +1,9 @@
 //! Houses: walls, rows of windows, doors, shop fronts, roofs.
 
 use crate::hash::Draws;
+use crate::look::lamps;
 use crate::material::{Material, Texture};
 use crate::mesh::{Mesh, MeshBuilder, Placed};
-use crate::scene::lamps;
 
 /// Materials of a house: tint 0 is the wall, 1 the trim, 2 the roof, 3 doors and awnings.
 struct Parts {

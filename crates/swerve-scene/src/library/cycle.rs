@@ -4,9 +4,9 @@ use super::vehicle::BICYCLE;
 use super::{PHASES, person};
 use crate::SemanticClass;
 use crate::hash::Draws;
+use crate::look::lamps;
 use crate::material::Material;
 use crate::mesh::{Mesh, MeshBuilder, Placed};
-use crate::scene::lamps;
 
 /// A wheel across y: hub, tyre, and spokes as a few thin blades.
 fn wheel(builder: &mut MeshBuilder, tyre: u16, spoke: u16, centre: [f32; 3], radius: f32, half_width: f32) {

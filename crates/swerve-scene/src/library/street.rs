@@ -1,9 +1,9 @@
 //! Street furniture: lamps, lights, signs, rails, bins.
 
 use crate::SemanticClass;
+use crate::look::lamps;
 use crate::material::{Material, Texture};
 use crate::mesh::{Mesh, MeshBuilder, Placed};
-use crate::scene::lamps;
 
 fn steel(builder: &mut MeshBuilder) -> u16 {
     builder

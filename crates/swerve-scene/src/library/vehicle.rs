@@ -11,9 +11,9 @@ pub(super) use truck::box_truck;
 
 use crate::SemanticClass;
 use crate::hash::Draws;
+use crate::look::lamps;
 use crate::material::{Material, Texture};
 use crate::mesh::{MeshBuilder, Placed};
-use crate::scene::lamps;
 
 /// Materials of vehicles.
 struct Parts {
