@@ -21,6 +21,7 @@ pub mod grid;
 pub mod heatmap;
 mod merge;
 pub mod page;
+mod programs;
 pub mod ranking;
 pub mod report;
 pub mod result;
