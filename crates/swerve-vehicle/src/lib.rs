@@ -14,6 +14,7 @@
 mod actuator;
 mod car;
 mod kinematic;
+mod magic_formula;
 mod params;
 mod pedals;
 mod pitch;
@@ -26,6 +27,7 @@ mod tyre;
 pub use actuator::Controls;
 pub use car::{BodyMotion, Car, CarForces, Ground, WheelForce, WheelState};
 pub use kinematic::{Kinematic, KinematicState};
+pub use magic_formula::MagicFormula;
 pub use params::{
     AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, SuspensionParams, TyreParams,
     VehicleParams, WheelParams,
@@ -35,7 +37,7 @@ pub use pitch::Pitch;
 pub use shape::{Limits, Shape};
 pub use single_track::{SingleTrack, SingleTrackState};
 pub use steering::SteeringParams;
-pub use tyre::{MagicFormula, SlipForce, combined_slip_force};
+pub use tyre::{SlipForce, combined_slip_force};
 
 /// Standard gravity as the simulator uses it, m/s².
 pub const GRAVITY_MPS2: f64 = 9.81;
