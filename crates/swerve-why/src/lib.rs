@@ -9,6 +9,7 @@
 //! `swerve-eval`.
 
 mod command;
+mod ego_only;
 mod other;
 mod sightings;
 mod timeline;
@@ -17,17 +18,15 @@ mod waits;
 mod without;
 
 use core::cell::Cell;
-use core::fmt;
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
-use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
 use swerve_drive::page::LogSoFar;
 use swerve_drive::{light_courses, norm, outline, problems_error};
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
-use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
+use swerve_msg::truth::{EndReason, Verdict, WorldState};
 use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -358,33 +357,6 @@ impl Logged {
 fn is_of<T>(publication: &PublicationRecord, operator: Option<&str>) -> bool {
     let stream = &publication.stream;
     operator == Some(stream.operator.as_str()) && stream.type_name == core::any::type_name::<T>()
-}
-
-/// The ego of a logged world state. The other actors, which follow it and are most of the state, are not decoded.
-struct EgoOnly(EgoTruth);
-
-impl<'de> Deserialize<'de> for EgoOnly {
-    fn deserialize<D: Deserializer<'de>>(state: D) -> Result<Self, D::Error> {
-        struct Keys;
-        impl<'de> Visitor<'de> for Keys {
-            type Value = EgoOnly;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a state of the world")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<EgoOnly, A::Error> {
-                while let Some(key) = map.next_key::<String>()? {
-                    if key == "ego" {
-                        return map.next_value().map(EgoOnly);
-                    }
-                    map.next_value::<IgnoredAny>()?;
-                }
-                Err(Error::missing_field("ego"))
-            }
-        }
-        state.deserialize_map(Keys)
-    }
 }
 
 #[cfg(test)]

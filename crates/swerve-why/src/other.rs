@@ -8,7 +8,8 @@ use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Signal};
 use swerve_stack::pipeline::Pipeline;
 
-use super::{BRAKES_MPS2, EgoOnly, Logged};
+use super::ego_only::EgoOnly;
+use super::{BRAKES_MPS2, Logged};
 
 /// Speed below which the car counts as stationary, m/s, and minimum duration of a reported standstill.
 const STANDS_MPS: f64 = 0.1;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use swerve_drive::{Recording, RunInput, drive_pipeline, load, run_start, set_up};
 use swerve_log::Recorder;
 
+use super::ego_only::EgoOnly;
 use super::*;
 
 /// Runs a shipped scenario; returns its log and its metrics.

@@ -11,7 +11,7 @@ use swerve_msg::{EgoState, Plan};
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
-use super::EgoOnly;
+use super::ego_only::EgoOnly;
 use super::timeline::Timeline;
 use super::without::{OTHER, Without, is_other};
 
