@@ -136,11 +136,9 @@ impl Fold {
                 self.open_leaked(params);
             }
         }
-        let is_begun = self.start.is_none();
-        if is_begun {
-            self.advance(params, entry.stamp, Some(&entry.what));
-        } else {
-            self.wait(entry);
+        match self.start {
+            None => self.advance(params, entry.stamp, Some(&entry.what)),
+            Some(_) => self.wait(entry),
         }
         let was_understated = self.fixes[0].is_understated();
         let entry = &Entry { what: self.weighed(params, entry), ..*entry };
