@@ -61,7 +61,7 @@ pub struct QualityMetrics {
     /// Longest period of mode `good` with a position error of more than five standard deviations, seconds.
     #[serde(default)]
     pub false_good_max_s: f64,
-    /// Share of the time in dead reckoning by IMU and wheels.
+    /// Share of the time in the modes `noisy` and `coasting`.
     pub coasting_share: f64,
     /// Share of the time without a usable pose.
     pub lost_share: f64,
@@ -141,7 +141,7 @@ impl Localization {
         self.qualities += 1;
         match quality.mode {
             PoseMode::Good => {}
-            PoseMode::Coasting => self.coasting += 1,
+            PoseMode::Noisy | PoseMode::Coasting => self.coasting += 1,
             PoseMode::Lost => self.lost += 1,
         }
         let Some((_, off)) = self.newest.filter(|(stamp, _)| *stamp == quality.stamp) else { return };

@@ -40,7 +40,7 @@ pub struct Norm {
 pub struct TrafficMetrics {
     /// Minimum time to collision, seconds: until the outlines of the ego and an actor touch if both keep velocity and
     /// heading (Hayward 1972; as nuPlan's `time_to_collision_within_bound`, without its horizon). Absent if the ego was
-    /// never within 100 s of a contact.
+    /// never within 100 s of a contact. In a bend the straight motions of vehicles in two lanes may cross.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ttc_s: Option<f64>,
     /// Actor of that time.

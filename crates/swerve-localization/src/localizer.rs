@@ -121,6 +121,8 @@ pub enum Taken {
 pub enum Mode {
     /// Fixes are received and accepted.
     Good,
+    /// Fixes or matches are accepted, but their noise is measured to be far above the reported one.
+    Noisy,
     /// Dead reckoning without fixes, fixes and wheels without the inertial unit, or contested fixes.
     Coasting,
     /// Unusable for driving: not initialised, too uncertain, or inconsistent with the sensors.

@@ -33,8 +33,8 @@ pub struct PoseQuality {
     pub covariance: [f64; 6],
 }
 
-/// Usability of a pose for driving; ordered from best to worst.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
+/// Usability of a pose for driving.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseMode {
     /// Position measurements arrive and are accepted.
@@ -44,6 +44,20 @@ pub enum PoseMode {
     /// Unusable: no pose is reported.
     #[default]
     Lost,
+    /// Position measurements are accepted, but their noise is measured to be far above the reported one.
+    Noisy,
+}
+
+impl PoseMode {
+    /// Position in the order from best to worst: good, noisy, coasting, lost.
+    pub const fn rank(self) -> u8 {
+        match self {
+            Self::Good => 0,
+            Self::Noisy => 1,
+            Self::Coasting => 2,
+            Self::Lost => 3,
+        }
+    }
 }
 
 /// Pose of the ego for control in the odometry frame of ROS REP 105, with the transform to the map.

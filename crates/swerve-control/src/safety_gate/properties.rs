@@ -37,8 +37,7 @@ fn any_fault() -> impl Strategy<Value = (Option<StopCause>, Option<PoseMode>, Op
         Just(StopCause::ClockJump),
         Just(StopCause::TransportLost)
     ];
-    let mode =
-        prop_oneof![4 => Just(PoseMode::Good), 1 => Just(PoseMode::Coasting), 1 => Just(PoseMode::Lost)];
+    let mode = prop_oneof![4 => Just(PoseMode::Good), 1 => Just(PoseMode::Noisy), 1 => Just(PoseMode::Coasting), 1 => Just(PoseMode::Lost)];
     let alarm = prop::option::weighted(0.02, alarm);
     (alarm, prop::option::weighted(0.1, mode), prop::option::weighted(0.05, [number(), number(), number()]))
 }

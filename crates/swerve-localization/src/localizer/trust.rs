@@ -167,9 +167,11 @@ impl Fold {
         // False for NaN.
         let is_sure = estimate.sigma_m() <= params.lost_sigma_m;
         let is_sound = self.filter().is_some_and(crate::Eskf::is_sound);
-        let is_consistent = tally(self.fixed_by).recent_nis <= INCONSISTENT && !self.is_noisy();
+        let is_consistent = tally(self.fixed_by).recent_nis <= INCONSISTENT;
         if !is_sure || !is_carried || !is_sound || (is_contested && wheels) {
             Mode::Lost
+        } else if is_fixed && self.is_noisy() {
+            Mode::Noisy
         } else if !is_fixed
             || is_contested
             || !is_consistent

@@ -106,8 +106,9 @@ pub struct PlanningConfig {
     pub slow_by_sigma_m: Option<[f64; 2]>,
     /// Margin that plans keep from the edges of the road, in standard deviations of the lateral position. Limits the
     /// speed so that a stop by dead reckoning ends in the lane with this margin to the nearer edge; where the margin
-    /// does not fit, the car stops, and goes on when 1.1 times the margin fits. 0 keeps none and never stops. When
-    /// absent 2.33, which 1 % of a normal distribution exceeds; under the preset `paper` 0.
+    /// does not fit, the car stops, and goes on when 1.1 times the margin fits. 1.5 times as much while localization is
+    /// `noisy`. 0 keeps none and never stops. When absent 2.33, which 1 % of a normal distribution exceeds; under the
+    /// preset `paper` 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub lane_sigmas: Option<f64>,

@@ -74,7 +74,8 @@ impl Operator for Gate {
             enable: !switches.is_empty() && switches.iter().all(switch(|s| s.enable)),
             emergency: switches.iter().any(switch(|s| s.emergency)),
             alarm: alarms.iter().find_map(|alarm| alarm.get()?.cause),
-            quality: quality.iter().filter_map(|quality| Some(**quality.get()?)).max_by_key(|q| q.mode),
+            quality:
+                quality.iter().filter_map(|quality| Some(**quality.get()?)).max_by_key(|q| q.mode.rank()),
             plan: plan.as_ref().and_then(|plan| Some(&**plan.get()?)),
             pose: pose.as_ref().and_then(|pose| Some(**pose.get()?)),
         }));

@@ -257,6 +257,7 @@ impl Operator for Filter {
 fn quality(estimate: &Estimate) -> PoseQuality {
     let mode = match estimate.mode {
         Mode::Good => PoseMode::Good,
+        Mode::Noisy => PoseMode::Noisy,
         Mode::Coasting => PoseMode::Coasting,
         Mode::Lost => PoseMode::Lost,
     };

@@ -24,6 +24,9 @@ const GROWN_M: f64 = 0.05;
 const RESUME: f64 = 1.1;
 const RESUME_M: f64 = 10.0;
 
+/// Factor of the margin while fixes have more noise than they report: the noise is then known from a few fixes only.
+const NOISY: f64 = 1.5;
+
 /// Deceleration of the stop, m/s²; by dead reckoning, where the pose gets worse on the way; and the largest of a
 /// minimal risk manoeuvre (UN Regulation 157, 5.5.3). It builds up within this time, seconds, and ends this far before
 /// the line that must not be passed, metres.
@@ -226,8 +229,9 @@ impl PoseTrust {
         let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
         let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
         let heading_rad = route.line().at(s_m).pose.heading_rad;
-        let needed_m = self.lane_sigmas * quality.across_sigma_m(heading_rad);
-        let way_m = quality.way_until_m(heading_rad, room_m / self.lane_sigmas);
+        let sigmas = if quality.mode == PoseMode::Noisy { NOISY } else { 1.0 } * self.lane_sigmas;
+        let needed_m = sigmas * quality.across_sigma_m(heading_rad);
+        let way_m = quality.way_until_m(heading_rad, room_m / sigmas);
         Some(Room { room_m, beside_m, needed_m, way_m })
     }
 

@@ -62,6 +62,23 @@ fn ego_stops_where_two_deviations_do_not_fit_beside_it() {
     assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::Comfortable);
 }
 
+#[test]
+fn ego_stops_earlier_while_fixes_have_more_noise_than_reported() {
+    let mut trust = trust(2.0);
+    // Three deviations of 0.35 m in place of two of 0.525 m.
+    for (mode, across_m, stops) in [
+        (PoseMode::Noisy, 0.34, false),
+        (PoseMode::Noisy, 0.36, true),
+        (PoseMode::Good, 0.36, false),
+        (PoseMode::Coasting, 0.36, false),
+    ] {
+        trust.stop_s_m = None;
+        let covariance = [0.01, 0.0, across_m * across_m, 0.0, 0.0, 0.0];
+        trust.quality = Some(PoseQuality { mode, covariance, ..PoseQuality::default() });
+        assert_eq!(stop(&mut trust, &at(6.0)).is_some(), stops, "{mode:?} {across_m}");
+    }
+}
+
 /// A pose with deviations of 0.315 m across the lane and 0.0105 rad in heading: two deviations fill the 1.05 m beside
 /// the car after 40 m.
 fn reckoning(trust: &mut PoseTrust, mode: PoseMode) {
