@@ -174,7 +174,7 @@ fn page(keys: &[&Key]) -> String {
         Made by `swerve keys --markdown`; `swerve keys PREFIX` shows a part of it, `swerve keys WORD` finds a word, and \
         `swerve keys --schema` is the JSON schema for editors; `--schema scenario`, `study` and `timing` are those of \
         the other files.\n\
-        `NAME` stands for a name of one's own; what stands in brackets is the setting under which a key is there.\n"
+        `NAME` is a name that you choose. Brackets contain the setting that a key requires.\n"
         .to_owned();
     let mut part = "";
     for key in keys {

@@ -1,9 +1,13 @@
 //! Algorithms of an external package that configurations name as they name built-in ones.
 
+use swerve_core::ParamError;
 use swerve_drive::{drive_pipeline, read_scenario};
 use swerve_eval::Metrics;
-use swerve_stack::Setup;
+use swerve_geom::Pose2;
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
+use swerve_planning::{Budget, Planner, Request};
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{NamedPlanner, NoKeys, PlannerDefaults, Setup};
 use swerve_text::Problems;
 
 use super::registry;
@@ -58,6 +62,44 @@ fn planner_of_another_crate_is_used_by_name() {
             && name.ends_with("did you mean `cautious`?"),
         "{name}"
     );
+}
+
+/// Plans to drive to nowhere.
+struct Nowhere;
+
+impl Planner for Nowhere {
+    fn plan(&mut self, request: &Request<'_>, _: &mut dyn Budget) -> Plan {
+        let pose = Pose2::new(f64::NAN, f64::NAN, 0.0);
+        let point = PlanPoint { at: request.stamp, pose, speed_mps: 9.0, ..PlanPoint::default() };
+        Plan { stamp: request.stamp, points: vec![point], status: PlanStatus::Found, ..Plan::default() }
+    }
+}
+
+impl NamedPlanner for Nowhere {
+    const NAME: &'static str = "nowhere";
+    type Params = NoKeys;
+
+    fn defaults(_: PlannerDefaults) -> NoKeys {
+        NoKeys {}
+    }
+
+    fn with_params(_: NoKeys) -> Result<Self, ParamError> {
+        Ok(Self)
+    }
+}
+
+#[test]
+fn car_brakes_when_no_car_can_follow_the_plan() {
+    let own = registry().with_planner::<Nowhere>();
+    let setup =
+        Setup::load_with(&own, None, &sets(&["planning.planner=nowhere", "planning.comfort.enabled=false"]));
+    let config = setup.unwrap_or_else(|problems| panic!("{problems:?}"));
+    let scenario = read_scenario(&scenario_file("person_crossing")).unwrap();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    let metrics = drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap().metrics;
+    let planned = &metrics.plans.counts;
+    assert!(planned.brake > 20 && planned.found == 0, "{planned:?}");
+    assert!(metrics.drive.speed_end_mps.abs() < 0.1 && metrics.impact.is_none(), "{:?}", metrics.drive);
 }
 
 /// Parameters with ranges, the safety gate, run times.

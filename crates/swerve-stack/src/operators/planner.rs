@@ -10,6 +10,7 @@ use swerve_flow::{
 };
 use swerve_geom::LineTracker;
 use swerve_msg::{EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route};
+use swerve_planning::brake::brake;
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, predicted_start};
 use swerve_text::{KeyProblem, in_one_line};
@@ -217,9 +218,13 @@ impl PlannerOperator {
             seed: cx.rng().bits(),
         };
         let (planner, budget) = (&mut *self.planner, &mut Metered(cx));
-        let mut plan_once = |request: &Request<'_>| match self.risk_max {
-            Some(risk_max) => plan_within_risk(planner, request, risk_max, budget),
-            None => planner.plan(request, budget),
+        let mut plan_once = |request: &Request<'_>| {
+            let plan = match self.risk_max {
+                Some(risk_max) => plan_within_risk(planner, request, risk_max, budget),
+                None => planner.plan(request, budget),
+            };
+            // A plan that no car can follow is no answer.
+            if plan.is_plausible() { plan } else { brake(request) }
         };
         let is_comfortable = |plan: &Plan| plan.status == PlanStatus::Comfortable;
         let mut plan_for = |request: &Request<'_>| {
