@@ -231,6 +231,16 @@ fn few_packages_are_optimised_for_tests() {
     }
 }
 
+/// CI builds the Python package in the same target folder: with the same profile it builds fewer packages again.
+#[test]
+fn python_package_has_the_test_profile_of_the_workspace() {
+    let profile = |file: &str| {
+        let manifest: toml::Table = std::fs::read_to_string(root().join(file)).unwrap().parse().unwrap();
+        manifest["profile"]["dev"].clone()
+    };
+    assert_eq!(profile("python/Cargo.toml"), profile("Cargo.toml"));
+}
+
 /// True if a package's settings enable optimisation.
 fn optimised(settings: &toml::Value) -> bool {
     settings.get("opt-level").is_some_and(|level| level.as_integer() != Some(0))

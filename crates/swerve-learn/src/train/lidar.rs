@@ -194,20 +194,25 @@ mod tests {
         assert!(all.windows(2).all(|two| two[0] != two[1]));
     }
 
-    /// Trains briefly on two streets and tests on a third.
-    #[test]
-    #[ignore = "minutes of drives"]
-    fn trained_weights_generalise_to_another_street() {
-        let learned = judge(&learn(2, 30).unwrap(), &[Drive::of_street(1001).unwrap()]).unwrap();
-        let [one, ..] = learned.cars();
-        assert!(one > 0.6, "{}", learned.table());
-    }
+    /// Computes for a minute or more: `.ci/run` runs it beside the tests with the real clock.
+    mod long {
+        use super::*;
 
-    /// Required accuracy: within 40 m, at least 20 points, overlap of one half.
-    #[test]
-    #[ignore = "minutes of drives"]
-    fn built_in_weights_find_cars_on_unseen_streets() {
-        let cars = shipped_cars(4).unwrap();
-        assert!(cars.into_iter().all(|precision| precision >= 0.8), "{cars:?}");
+        /// Trains briefly on two streets and tests on a third.
+        #[test]
+        #[ignore = "minutes of drives"]
+        fn trained_weights_generalise_to_another_street() {
+            let learned = judge(&learn(2, 30).unwrap(), &[Drive::of_street(1001).unwrap()]).unwrap();
+            let [one, ..] = learned.cars();
+            assert!(one > 0.6, "{}", learned.table());
+        }
+
+        /// Required accuracy: within 40 m, at least 20 points, overlap of one half.
+        #[test]
+        #[ignore = "minutes of drives"]
+        fn built_in_weights_find_cars_on_unseen_streets() {
+            let cars = shipped_cars(4).unwrap();
+            assert!(cars.into_iter().all(|precision| precision >= 0.8), "{cars:?}");
+        }
     }
 }

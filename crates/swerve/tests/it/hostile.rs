@@ -217,11 +217,27 @@ impl Stack {
     }
 
     /// Drives for a duration, calling `beside` at each step. Also ends after 5 s without a message.
-    fn drive(&mut self, seconds: f64, mut beside: impl FnMut(&Self, Control)) {
-        let (from, mut idle) = (self.now_s(), 0);
-        let mut begun = from > 0.0;
-        let mut from = from;
-        while idle < 500 && (!begun || self.now_s() - from < seconds) {
+    fn drive(&mut self, seconds: f64, beside: impl FnMut(&Self, Control)) {
+        let mut from = Some(self.now_s()).filter(|from| *from > 0.0);
+        let goes_on = |stack: &Self| {
+            from = from.or(stack.odometry.as_ref().map(|_| stack.now_s()));
+            from.is_none_or(|from| stack.now_s() - from < seconds)
+        };
+        self.drive_while(goes_on, beside);
+    }
+
+    /// Drives until the run of the car ends. Also ends after 5 s without a message.
+    fn drive_to_end(&mut self, car: &mut Car) {
+        self.drive_while(|_| car.child.try_wait().unwrap().is_none(), |_, _| {});
+    }
+
+    fn drive_while(
+        &mut self,
+        mut goes_on: impl FnMut(&Self) -> bool,
+        mut beside: impl FnMut(&Self, Control),
+    ) {
+        let mut idle = 0;
+        while idle < 500 && goes_on(self) {
             idle = if self.bridge.wait(Duration::from_millis(10)) { 0 } else { idle + 1 };
             while let Some((_, received)) = self.bridge.take_any() {
                 match received.message {
@@ -230,9 +246,6 @@ impl Stack {
                         self.beside_m = self.beside_m.max(odometry.pose.pose.position.y.abs());
                         let control = self.wish(&odometry);
                         self.odometry = Some(odometry);
-                        if !begun {
-                            (begun, from) = (true, self.now_s());
-                        }
                         self.publish(control);
                         beside(self, control);
                     }
@@ -275,7 +288,7 @@ fn causes(metrics: &Value) -> Vec<&str> {
 #[ignore = "real clock"]
 fn second_writer_is_refused_and_the_car_stops_until_re_engaged() {
     let _alone = alone();
-    let car = Car::start(0, "24.0");
+    let mut car = Car::start(0, "24.0");
     let mut stack = Stack::start(car.network);
     stack.engage();
     let other = Stack::start(car.network);
@@ -289,7 +302,7 @@ fn second_writer_is_refused_and_the_car_stops_until_re_engaged() {
     assert!(stack.speed_mps().abs() < 0.1, "it drives on: {} m/s", stack.speed_mps());
     drop(other);
     stack.let_in_again();
-    stack.drive(30.0, |_, _| {});
+    stack.drive_to_end(&mut car);
     println!("at most {:.2} m beside its lane", stack.beside_m);
     assert!(stack.beside_m < 0.5, "it was steered: {} m", stack.beside_m);
     let (metrics, told) = car.end();
@@ -304,7 +317,7 @@ fn second_writer_is_refused_and_the_car_stops_until_re_engaged() {
 #[ignore = "real clock"]
 fn forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
     let _alone = alone();
-    let car = Car::start(1, "26.0");
+    let mut car = Car::start(1, "26.0");
     let mut stack = Stack::start(car.network);
     stack.engage();
     let before = car.transport();
@@ -317,7 +330,7 @@ fn forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
     assert!(stack.speed_mps().abs() < 0.1, "it drives on: {} m/s", stack.speed_mps());
     assert_ne!(car.transport(), before, "the transport took it");
     stack.let_in_again();
-    stack.drive(30.0, |_, _| {});
+    stack.drive_to_end(&mut car);
     assert!(stack.beside_m < 0.5, "it was steered: {} m", stack.beside_m);
     let (metrics, told) = car.end();
     assert_eq!((causes(&metrics)[0], &metrics["ros2"]["transports_lost"]), ("transport_lost", &1.into()));
@@ -345,7 +358,7 @@ fn malformed_packets_end_nothing_and_respect_the_memory_limit() {
         }
         (sent, most_mib)
     });
-    stack.drive(30.0, |_, _| {});
+    stack.drive_to_end(&mut car);
     let (sent, most_mib) = noise.join().unwrap();
     assert!(stack.beside_m < 0.5, "it was steered: {} m", stack.beside_m);
     assert!(car.child.wait().unwrap().success());

@@ -83,52 +83,57 @@ fn crowd(people: usize) -> String {
     text
 }
 
-/// Four times as many actors may cost little more than four times as much.
-#[test]
-#[ignore = "a minute of valgrind"]
-fn cost_per_actor_does_not_grow_with_their_number() {
-    if !has_valgrind() {
-        return;
-    }
-    let bench = Bench::new();
-    let cases = [("check", 500, 4.6), ("run", 100, 5.0)];
-    let calls: Vec<String> = cases
-        .iter()
-        .flat_map(|(command, few, _)| [(command, *few), (command, 4 * few)])
-        .map(|(command, people)| {
-            let file = format!("crowd{people}.toml");
-            bench.write(&file, &crowd(people));
-            format!("{command} {}", bench.path(&file).display())
-        })
-        .collect();
-    let counts = counts(calls.iter().map(String::as_str));
-    for ((command, few, most), counts) in cases.iter().zip(counts.chunks(2)) {
-        let (little, much) = (counts[0], counts[1]);
-        println!("{command}: {few} actors {little:.0} M, four times as many {much:.0} M");
-        assert!(much < *most * little, "{command}: {:.2} times as much, expected {most}", much / little);
-    }
-}
+/// Computes for a minute or more: `.ci/run` runs it beside the tests with the real clock.
+mod long {
+    use super::*;
 
-#[test]
-#[ignore = "a minute of valgrind"]
-fn instruction_counts_do_not_exceed_the_reference() {
-    if !has_valgrind() {
-        return;
-    }
-    let file = Path::new(ROOT).join("tests/reference/instructions.toml");
-    let stored: Counts = toml::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
-    let (mut told, mut moved) = (HEAD.to_owned(), String::new());
-    let counts = counts(stored.call.iter().map(|call| call.args.as_str()));
-    for (Call { args, millions }, now) in stored.call.iter().zip(counts) {
-        let _infallible = write!(told, "\n[[call]]\nargs = {args:?}\nmillions = {now:.0}\n");
-        let ratio = now / millions;
-        if ratio > MOST {
-            let _infallible = writeln!(moved, "{args}: {millions:.0} -> {now:.0} M, {ratio:.3} times");
+    /// Four times as many actors may cost little more than four times as much.
+    #[test]
+    #[ignore = "a minute of valgrind"]
+    fn cost_per_actor_does_not_grow_with_their_number() {
+        if !has_valgrind() {
+            return;
+        }
+        let bench = Bench::new();
+        let cases = [("check", 500, 4.6), ("run", 100, 5.0)];
+        let calls: Vec<String> = cases
+            .iter()
+            .flat_map(|(command, few, _)| [(command, *few), (command, 4 * few)])
+            .map(|(command, people)| {
+                let file = format!("crowd{people}.toml");
+                bench.write(&file, &crowd(people));
+                format!("{command} {}", bench.path(&file).display())
+            })
+            .collect();
+        let counts = counts(calls.iter().map(String::as_str));
+        for ((command, few, most), counts) in cases.iter().zip(counts.chunks(2)) {
+            let (little, much) = (counts[0], counts[1]);
+            println!("{command}: {few} actors {little:.0} M, four times as many {much:.0} M");
+            assert!(much < *most * little, "{command}: {:.2} times as much, expected {most}", much / little);
         }
     }
-    if std::env::var_os("SWERVE_COUNTS").is_some_and(|what| what == "write") {
-        std::fs::write(file, told).unwrap();
-        return;
+
+    #[test]
+    #[ignore = "a minute of valgrind"]
+    fn instruction_counts_do_not_exceed_the_reference() {
+        if !has_valgrind() {
+            return;
+        }
+        let file = Path::new(ROOT).join("tests/reference/instructions.toml");
+        let stored: Counts = toml::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        let (mut told, mut moved) = (HEAD.to_owned(), String::new());
+        let counts = counts(stored.call.iter().map(|call| call.args.as_str()));
+        for (Call { args, millions }, now) in stored.call.iter().zip(counts) {
+            let _infallible = write!(told, "\n[[call]]\nargs = {args:?}\nmillions = {now:.0}\n");
+            let ratio = now / millions;
+            if ratio > MOST {
+                let _infallible = writeln!(moved, "{args}: {millions:.0} -> {now:.0} M, {ratio:.3} times");
+            }
+        }
+        if std::env::var_os("SWERVE_COUNTS").is_some_and(|what| what == "write") {
+            std::fs::write(file, told).unwrap();
+            return;
+        }
+        assert!(moved.is_empty(), "{moved}If that is meant, SWERVE_COUNTS=write stores the new counts.");
     }
-    assert!(moved.is_empty(), "{moved}If that is meant, SWERVE_COUNTS=write stores the new counts.");
 }

@@ -171,7 +171,6 @@ fn swerve_live(drive: u32, interface: &str) -> (Command, PathBuf) {
 
 /// Runs `swerve live` with a shipped configuration for a duration; returns its output and the car's states.
 fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driven {
-    let _alone = alone();
     let car = car.map(|more| Car::start(domain(drive), interface, more));
     let (mut command, out) = swerve_live(drive, interface);
     let output = command.args(["--enable", "at-start", "--seconds", &seconds.to_string()]).output().unwrap();
@@ -183,11 +182,22 @@ fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driv
     Driven { out, metrics, notes, car, succeeded: output.status.success() }
 }
 
-/// Follows the lane at target speed and is stopped at the end; the log replays identically.
-fn drives_along_its_lane(drive: u32, interface: &str) {
+/// Runs a test with both interfaces at the same time, each in a separate domain: a drive mostly waits.
+fn with_either_interface(first_drive: u32, test: impl Fn(u32, &str) + Sync) {
     if !has_car() {
         return;
     }
+    let _alone = alone();
+    let test = &test;
+    std::thread::scope(|scope| {
+        for (drive, interface) in (first_drive..).zip(["autoware", "dataspeed"]) {
+            scope.spawn(move || test(drive, interface));
+        }
+    });
+}
+
+/// Follows the lane at target speed and is stopped at the end; the log replays identically.
+fn drives_along_its_lane(drive: u32, interface: &str) {
     let seconds = seconds();
     let mut driven = live(drive, interface, seconds, Some(&[]));
     // On an overloaded host the car was stopped, as required: another test covers that.
@@ -226,24 +236,15 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
 
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn car_with_autoware_interface_follows_its_lane() {
-    drives_along_its_lane(0, "autoware");
-}
-
-#[test]
-#[ignore = "real clock, Cyclone DDS"]
-fn car_with_dataspeed_interface_follows_its_lane() {
-    drives_along_its_lane(1, "dataspeed");
+fn car_with_either_interface_follows_its_lane() {
+    with_either_interface(0, drives_along_its_lane);
 }
 
 /// The car's topics stop during the drive; it must still be commanded to a standstill.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
 fn car_whose_topics_stop_is_brought_to_a_standstill() {
-    if !has_car() {
-        return;
-    }
-    for (drive, interface) in [(2, "autoware"), (3, "dataspeed")] {
+    with_either_interface(2, |drive, interface| {
         let driven = live(drive, interface, 11.0, Some(&["--silent-after", "6"]));
         let modes = driven.modes();
         assert!(modes.contains(&"{\"stopping\":\"report_timeout\"}".to_owned()), "{modes:?}");
@@ -252,24 +253,21 @@ fn car_whose_topics_stop_is_brought_to_a_standstill() {
         // Stopped by commands, which continued: the car's own time-out started only after them.
         let stood = driven.car.iter().find(|s| s["t"].as_f64() > Some(6.0) && s["speed"] == 0.0).unwrap();
         assert_eq!(stood["timeouts"], 0, "{interface}: {stood}");
-    }
+    });
 }
 
 /// After a driver override the car stays in manual control.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
 fn driver_override_ends_engagement() {
-    if !has_car() {
-        return;
-    }
-    for (drive, interface) in [(4, "autoware"), (5, "dataspeed")] {
+    with_either_interface(4, |drive, interface| {
         let driven = live(drive, interface, 9.0, Some(&["--driver-at", "6"]));
         assert!(driven.succeeded, "{}", driven.notes);
         assert_eq!(driven.modes(), ["\"manual\"", "\"driving\"", "\"manual\""], "{interface}");
         assert!(driven.notes.contains("the driver took over") || driven.notes.contains("listens no longer"));
         let after = driven.car.iter().filter(|state| state["t"].as_f64() > Some(7.0));
         assert!(after.clone().count() > 1 && after.clone().all(|state| state["engaged"] == false));
-    }
+    });
 }
 
 /// With a slow process the drive begins once it is ready, and no message has a future stamp.
@@ -307,6 +305,7 @@ fn drive_begins_when_its_processes_are_ready() {
 /// Without a car and ROS it waits, and reports for what.
 #[test]
 fn missing_car_is_reported_while_waiting() {
+    let _alone = alone();
     let driven = live(6, "autoware", 1.5, None);
     assert!(!driven.succeeded);
     let missing = "error: not all topics that are needed were there: control_mode (/vehicle/status/control_mode), \

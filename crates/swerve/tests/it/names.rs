@@ -177,37 +177,6 @@ fn suggested_next_command_is_quoted() {
     assert!(said.contains("\n  cd 'a b/c d'\n"), "{said}");
 }
 
-/// The package of a new folder, against this checkout, as its README describes.
-#[test]
-#[ignore = "builds a package on Swerve"]
-fn package_of_a_new_folder_builds_and_drives() {
-    let bench = Bench::new();
-    bench.good(&["new", "begin"]);
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-    std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
-    // In the existing target folder, with the same profile and features, so that only the package itself is built.
-    let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
-    let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
-    let own = bench.read("begin/Cargo.toml");
-    let (own, _) = own.split_once("[profile.dev]").unwrap();
-    let own = own.replace("swerve = { ", "swerve = { features = [\"full\"], ");
-    bench.write("begin/Cargo.toml", &format!("{own}[profile.dev]{profiles}"));
-    let target = std::path::Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap();
-    let said = std::process::Command::new(env!("CARGO"))
-        .args(["run", "--offline", "--quiet", "--", "run", "scenario.toml", "-c", "own.toml"])
-        .env("CARGO_TARGET_DIR", target)
-        .current_dir(bench.path("begin"))
-        .output()
-        .unwrap();
-    let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
-    assert!(said.status.success() && out.contains("AVOIDED"), "{out}{err}");
-    let readme = bench.read("begin/README.md");
-    let expected = readme.split("```text\n").nth(2).unwrap().split("```").next().unwrap();
-    for line in expected.lines() {
-        assert!(out.contains(line.trim_end()), "README says `{line}`\n{out}");
-    }
-}
-
 #[test]
 fn new_folder_replaces_nothing() {
     let bench = Bench::new();
@@ -220,4 +189,41 @@ fn new_folder_replaces_nothing() {
     }
     assert_eq!(bench.read("short.toml"), SHORT);
     assert_eq!(bench.read("empty/README.md"), include_str!("../../template/README.md"));
+}
+
+/// Computes for a minute or more: `.ci/run` runs it beside the tests with the real clock.
+mod long {
+    use super::*;
+
+    /// The package of a new folder, against this checkout, as its README describes.
+    #[test]
+    #[ignore = "builds a package on Swerve"]
+    fn package_of_a_new_folder_builds_and_drives() {
+        let bench = Bench::new();
+        bench.good(&["new", "begin"]);
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
+        // In the existing target folder, with the same profile and features, so that only Swerve's own crates and the
+        // package are built; `.ci/python` uses the same builds of these crates.
+        let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
+        let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
+        let own = bench.read("begin/Cargo.toml");
+        let (own, _) = own.split_once("[profile.dev]").unwrap();
+        let own = own.replace("swerve = { ", "swerve = { features = [\"full\"], ");
+        bench.write("begin/Cargo.toml", &format!("{own}[profile.dev]{profiles}"));
+        let target = std::path::Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap();
+        let said = std::process::Command::new(env!("CARGO"))
+            .args(["run", "--offline", "--quiet", "--", "run", "scenario.toml", "-c", "own.toml"])
+            .env("CARGO_TARGET_DIR", target)
+            .current_dir(bench.path("begin"))
+            .output()
+            .unwrap();
+        let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
+        assert!(said.status.success() && out.contains("AVOIDED"), "{out}{err}");
+        let readme = bench.read("begin/README.md");
+        let expected = readme.split("```text\n").nth(2).unwrap().split("```").next().unwrap();
+        for line in expected.lines() {
+            assert!(out.contains(line.trim_end()), "README says `{line}`\n{out}");
+        }
+    }
 }

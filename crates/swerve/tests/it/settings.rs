@@ -198,38 +198,43 @@ fn outcome(bench: &Bench, number: usize, drive: &Drive) -> Outcome {
     }
 }
 
-#[test]
-#[ignore = "minutes"]
-fn drive_at_either_end_of_every_numeric_setting_ends() {
-    let _alone = alone();
-    let bench = Bench::new();
-    bench.write("brakes.toml", SCENARIO);
-    let keys: Vec<Value> = serde_json::from_str(&bench.good(&["keys", "--json"])).unwrap();
-    let drives = drives(&keys);
-    assert!(drives.len() > 700, "{}", drives.len());
-    let (next, refused, faults) = (AtomicUsize::new(0), AtomicUsize::new(0), Mutex::new(String::new()));
-    let workers = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
-    let work = || {
-        while let Some((number, drive)) = {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            drives.get(number).map(|drive| (number, drive))
-        } {
-            match outcome(&bench, number, drive) {
-                Outcome::Driven => {}
-                Outcome::Refused => {
-                    refused.fetch_add(1, Ordering::Relaxed);
-                }
-                Outcome::Fault(fault) => {
-                    let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
-                    let _written = writeln!(faults, "{}: {fault}", drive.name);
+/// Computes for a minute or more: `.ci/run` runs it beside the tests with the real clock.
+mod long {
+    use super::*;
+
+    #[test]
+    #[ignore = "minutes"]
+    fn drive_at_either_end_of_every_numeric_setting_ends() {
+        let _alone = alone();
+        let bench = Bench::new();
+        bench.write("brakes.toml", SCENARIO);
+        let keys: Vec<Value> = serde_json::from_str(&bench.good(&["keys", "--json"])).unwrap();
+        let drives = drives(&keys);
+        assert!(drives.len() > 700, "{}", drives.len());
+        let (next, refused, faults) = (AtomicUsize::new(0), AtomicUsize::new(0), Mutex::new(String::new()));
+        let workers = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
+        let work = || {
+            while let Some((number, drive)) = {
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                drives.get(number).map(|drive| (number, drive))
+            } {
+                match outcome(&bench, number, drive) {
+                    Outcome::Driven => {}
+                    Outcome::Refused => {
+                        refused.fetch_add(1, Ordering::Relaxed);
+                    }
+                    Outcome::Fault(fault) => {
+                        let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
+                        let _written = writeln!(faults, "{}: {fault}", drive.name);
+                    }
                 }
             }
-        }
-    };
-    std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
-    let faults = faults.into_inner().unwrap();
-    assert!(faults.is_empty(), "of {} drives:\n{faults}", drives.len());
-    // Without the settings a key needs, nothing would be driven.
-    let refused = refused.into_inner();
-    assert!(refused < 40, "{refused} of {} drives are refused", drives.len());
+        };
+        std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
+        let faults = faults.into_inner().unwrap();
+        assert!(faults.is_empty(), "of {} drives:\n{faults}", drives.len());
+        // Without the settings a key needs, nothing would be driven.
+        let refused = refused.into_inner();
+        assert!(refused < 40, "{refused} of {} drives are refused", drives.len());
+    }
 }

@@ -7,7 +7,7 @@ use crate::support::alone;
 #[ignore = "real clock"]
 fn clock_change_while_driving_stops_the_car_until_re_engaged() {
     let _alone = alone();
-    let car = Car::start(6, "34.0");
+    let mut car = Car::start(6, "34.0");
     let mut stack = Stack::start(car.network);
     stack.engage();
     stack.ahead_s = 3600;
@@ -24,7 +24,7 @@ fn clock_change_while_driving_stops_the_car_until_re_engaged() {
         control.longitudinal.acceleration = 2.0;
         stack.publish(control);
     });
-    stack.drive(30.0, |_, _| {});
+    stack.drive_to_end(&mut car);
     println!("at most {:.2} m beside its lane", stack.beside_m);
     assert!(stack.beside_m < 0.5, "it was steered: {} m", stack.beside_m);
     let (metrics, told) = car.end();
