@@ -333,7 +333,9 @@ fn forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
     stack.drive_to_end(&mut car);
     assert!(stack.beside_m < 0.5, "it was steered: {} m", stack.beside_m);
     let (metrics, told) = car.end();
-    assert_eq!((causes(&metrics)[0], &metrics["ros2"]["transports_lost"]), ("transport_lost", &1.into()));
+    // On a busy machine the missing commands are seen before the end of the process.
+    assert!(["command_timeout", "transport_lost"].contains(&causes(&metrics)[0]), "{}", metrics["gate"]);
+    assert_eq!(metrics["ros2"]["transports_lost"], 1);
     assert!(told.contains("the process of ROS 2's transport ended (signal: 6 (SIGABRT)"), "{told}");
     assert!(told.contains("transport_memory_mib = 512"), "{told}");
 }
