@@ -11,6 +11,7 @@
 
 mod bridge;
 mod fold;
+mod repeats;
 mod start;
 mod trust;
 mod unit;

@@ -84,7 +84,18 @@ impl Fold {
         let Some(imu) = self.imu.filter(|_| !self.is_bridging) else {
             return Vector3::new(0.0, self.turn_radps().z * self.axle_mps().x, 0.0);
         };
+        self.without_gravity(params, imu.accel_mps2, rotation)
+    }
+
+    /// Acceleration of the inertial unit along the ego's axes, gravity and bias removed, m/s².
+    fn without_gravity(&self, params: &Params, force: Vector3<f64>, rotation: &Matrix3<f64>) -> Vector3<f64> {
         let down = rotation.transpose() * Vector3::new(0.0, 0.0, -params.gravity_mps2);
-        imu.accel_mps2 - self.filter.nominal.accel_bias_mps2 + down
+        force - self.filter.nominal.accel_bias_mps2 + down
+    }
+
+    /// Forward acceleration for a reading of the accelerometers, m/s².
+    pub(super) fn forward_mps2(&self, params: &Params, accel_mps2: [f64; 3]) -> f64 {
+        let rotation = self.filter.nominal.attitude.to_rotation_matrix().into_inner();
+        self.without_gravity(params, Vector3::from(accel_mps2), &rotation).x
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use swerve_core::{Span, Time};
 use swerve_geom::wrap_angle;
 
+use super::repeats::Repeats;
 use super::start::{Begin, Start};
 use super::trust::{CONFIRMED, Judged};
 use super::unit::{Unit, UnitHealth};
@@ -67,6 +68,7 @@ pub(super) struct Fold {
     /// True while it propagates without the inertial unit.
     pub(super) is_bridging: bool,
     pub(super) wheels: Wheels,
+    pub(super) repeats: Repeats,
     /// Odometry paths by wheels and gyroscope, and by wheels and steering angle.
     pub(super) ways: [Way; 2],
     /// Latest satellite fixes, and latest positions from other sources.
@@ -96,6 +98,7 @@ impl Fold {
             unit: Unit::default(),
             is_bridging: false,
             wheels: Wheels::default(),
+            repeats: Repeats::default(),
             ways: [Way::default(); 2],
             fixes: [Fixes::default(); 2],
             confirmed: CONFIRMED,
@@ -135,6 +138,9 @@ impl Fold {
             if before != UnitHealth::Noisy && after == UnitHealth::Noisy {
                 self.open_leaked(params);
             }
+            // Also of a unit that is not used because the filter has diverged: the wheels may be the cause.
+            let is_usable = matches!(after, UnitHealth::Sound | UnitHealth::Doubted);
+            self.repeats.accelerate(if is_usable { self.forward_mps2(params, accel_mps2) } else { 0.0 });
         }
         match self.start {
             None => self.advance(params, entry.stamp, Some(&entry.what)),
@@ -248,6 +254,7 @@ impl Fold {
         if dt_s <= 0.0 {
             return;
         }
+        self.repeats.advance(dt_s);
         let before_mps = self.axle_mps().x;
         let mut held_s = 0.0;
         let usable = self.imu.filter(|_| self.unit.health(params, self.at) == UnitHealth::Sound);
@@ -350,6 +357,11 @@ impl Fold {
     /// Processes a wheel reading; updates the filter once the readings span `wheel_span_s`.
     fn wheels(&mut self, params: &Params, stamp: Time, speed_mps: f64, curvature_1pm: Option<f64>) {
         if params.wheel_noise_mps <= 0.0 {
+            return;
+        }
+        self.repeats.take(stamp, speed_mps);
+        if self.repeats.is_frozen(stamp) {
+            (self.wheels.since, self.wheels.standing_since) = (None, None);
             return;
         }
         self.wheels.speed_mps = speed_mps;

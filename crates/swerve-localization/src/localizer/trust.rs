@@ -95,6 +95,9 @@ impl Fold {
         let Judged { stamp, source, up_m, accepted } = *judged;
         let lever_m = lever_m(params, source);
         self.fixes[usize::from(source != Source::Fix)].judge(stamp, accepted);
+        if !accepted {
+            self.repeats.doubt(stamp);
+        }
         if accepted {
             self.confirmed = self.confirmed.saturating_add(1);
         } else if let Some((aligned, way)) = self.refuted(params, stamp, source) {
