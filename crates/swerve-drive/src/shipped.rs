@@ -222,9 +222,10 @@ impl Kind {
         const FEW: usize = 5;
         let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
         match self {
-            _ if names.len() <= FEW => format!("; the program has {}", names.join(", ")),
-            Self::Scenario => "; `swerve scenarios` lists those of the program".to_owned(),
-            _ => String::new(),
+            Self::Scenario if names.len() > FEW => {
+                "; `swerve scenarios` lists those of the program".to_owned()
+            }
+            _ => format!("; the program has {}", names.join(", ")),
         }
     }
 

@@ -18,6 +18,7 @@ pub mod live;
 pub mod localization;
 pub mod model;
 pub mod monitor;
+pub(crate) mod near_keys;
 pub(crate) mod old_names;
 mod operator;
 pub mod perception;
