@@ -97,7 +97,7 @@ mod tests {
         let axis = "base = { scenario = \"a.toml\" }\n[[axis]]\nkey = \"operator.detector.delay_ms\"\nvalues = [1, 2]\n\
                     [[axis]]\nkey = \"seed\"\nvalues = [1, 2]\n";
         let found = told(axis);
-        let expected = "s.toml:3: operator.detector.delay_ms: has no effect in any cell of the study: operator \
+        let expected = "s.toml:4: operator.detector.delay_ms: has no effect in any cell of the study: operator \
                         `detector` does not run; it runs with `perception.detector = \"NAME\"`";
         assert!(found.len() == 1 && found[0].ends_with(expected), "{found:?}");
         let other = "[[axis]]\nkey = \"perception.detector\"\nvalues = [\"truth\", \"custom\"]\n";
