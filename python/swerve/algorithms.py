@@ -21,7 +21,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +154,17 @@ def _with_route(fields: dict[str, Any], known: list[dict[str, Any]]) -> dict[str
     return {**fields, "route": known[0]}
 
 
+_Answer = TypeVar("_Answer", bound=Message)
+
+
+def _answer(algorithm: Algorithm, method: str, answer: object, kind: type[_Answer]) -> _Answer:
+    """The answer of a method if it is a message of this class."""
+    if isinstance(answer, kind):
+        return answer
+    found = "nothing" if answer is None else f"a `{type(answer).__name__}`"
+    raise TypeError(f"`{type(algorithm).__name__}.{method}` returned {found}; expected a `{kind.__name__}`")
+
+
 class Planner(Algorithm):
     """A motion planner. It keeps nothing but buffers between calls: the previous plan is in the request."""
 
@@ -167,7 +178,15 @@ class Planner(Algorithm):
 
     def _calls(self) -> Callable[[dict[str, Any]], dict[str, Any]]:
         known: list[dict[str, Any]] = []
-        return lambda fields: self.plan(PlanRequest.from_plain(_with_route(fields, known))).to_plain()
+
+        def call(fields: dict[str, Any]) -> dict[str, Any]:
+            plan = _answer(self, "plan", self.plan(PlanRequest.from_plain(_with_route(fields, known))), Plan)
+            if not plan.points:
+                name = type(self).__name__
+                raise ValueError(f"`{name}.plan` returned a `Plan` without points; expected at least one `PlanPoint`")
+            return plan.to_plain()
+
+        return call
 
 
 class Predictor(Algorithm):
@@ -186,7 +205,8 @@ class Predictor(Algorithm):
 
         def call(fields: dict[str, Any]) -> dict[str, Any]:
             route = Route.from_plain(_with_route(fields, known)["route"]) if fields["has_route"] else None
-            return self.predict(TrackList.from_plain(fields["tracks"]), fields["instants"], route).to_plain()
+            found = self.predict(TrackList.from_plain(fields["tracks"]), fields["instants"], route)
+            return _answer(self, "predict", found, PredictionList).to_plain()
 
         return call
 
@@ -203,9 +223,11 @@ class Tracker(Algorithm):
         """Updates the tracks with the boxes of one instant, and the pose of the ego in the map at that instant."""
 
     def _calls(self) -> Callable[[dict[str, Any]], dict[str, Any]]:
-        return lambda fields: self.update(
-            Detections.from_plain(fields["boxes"]), Pose2.from_plain(fields["ego"])
-        ).to_plain()
+        def call(fields: dict[str, Any]) -> dict[str, Any]:
+            tracks = self.update(Detections.from_plain(fields["boxes"]), Pose2.from_plain(fields["ego"]))
+            return _answer(self, "update", tracks, TrackList).to_plain()
+
+        return call
 
 
 def check(algorithm: type[Algorithm], operator: str, read: Sequence[str], published: Sequence[str]) -> None:

@@ -130,10 +130,19 @@ def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> C
             if len(out) != 1:
                 raise TypeError(f"one message, expected a dictionary of the outputs {', '.join(out)}")
             answer = {out[0]: answer}
+        if not isinstance(answer, Mapping):
+            raise TypeError(
+                f"`{type(operator).__name__}.step` returned a `{type(answer).__name__}`; expected a message, a dictionary of "
+                f"messages by output ({', '.join(out)}), or None"
+            )
         unknown = answer.keys() - set(out)
         if unknown:
             raise KeyError(f"no output is called {', '.join(sorted(unknown))}; there are {', '.join(out)}")
         messages = [answer.get(name) for name in out]
+        for name, message in zip(out, messages):
+            if message is not None and not isinstance(message, Message):
+                found = type(message).__name__
+                raise TypeError(f"`{type(operator).__name__}.step` returned a `{found}` as `{name}`; expected a message")
         return [None if message is None else message.to_plain() for message in messages]
 
     return step

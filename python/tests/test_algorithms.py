@@ -116,3 +116,30 @@ def test_exceptions_and_wrong_operators_are_reported(file: Any, capfd: pytest.Ca
     said = capfd.readouterr().err
     expected = "operator `tracker` publishes TrackList; Broken is a planner, expected an operator that publishes Plan"
     assert expected in said
+
+
+@pytest.mark.parametrize(
+    "code, expected",
+    [
+        ("pass", r"`Bad\.plan` returned nothing; expected a `Plan`"),
+        ("return request.answer([])", r"`Bad\.plan` returned a `Plan` without points; expected at least one `PlanPoint`"),
+    ],
+)
+def test_wrong_answer_names_class_method_and_expected_type(file: Any, code: str, expected: str) -> None:
+    where = file(f"""
+        class Bad(swerve.Planner):
+            def plan(self, request):
+                {code}
+        """)
+    with pytest.raises(ValueError, match=expected):
+        swerve.run("lane", by("planner", f"{where}:Bad", planning={"comfort": {"enabled": False}}))
+
+
+def test_class_that_cannot_be_loaded_is_in_the_exception(file: Any) -> None:
+    where = file(ROUTE)
+    with pytest.raises(ValueError, match=r"(?s)process `python` ended .* before it was ready.*no operator `Alon`, only Along"):
+        swerve.run("lane", by("planner", f"{where}:Alon"))
+
+
+def test_pipeline_has_the_name_of_the_class(file: Any) -> None:
+    assert swerve.run("lane", by("planner", f"{file(ROUTE)}:Along")).metrics["pipeline"] == "Along"

@@ -9,7 +9,7 @@ use swerve_stack::pipeline::Pipeline;
 
 use crate::overwrite::OverwriteArgs;
 use crate::pictures::PictureArgs;
-use crate::{RunInput, load};
+use crate::{RunInput, load, note_idle};
 
 /// `swerve graph`.
 #[derive(clap::Args, Debug)]
@@ -43,6 +43,7 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
+    note_idle(&config, &args.input);
     let info = pipeline.graph.describe()?;
     if args.toml {
         return swerve_report::output::print(&pipeline.assembly.to_toml(&config, &info));

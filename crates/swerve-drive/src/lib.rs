@@ -29,7 +29,9 @@ pub mod views;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
 pub use lights::light_courses;
-pub use load::{RunInput, load, load_config, operators_with_runtime, problems_error, read_scenario};
+pub use load::{
+    RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,
+};
 pub use measured::{norm, outline};
 pub use overwrite::OverwriteArgs;
 pub use recording::{Recording, left_out_of_logs, run_start, set_up};

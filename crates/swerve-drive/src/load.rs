@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use swerve_report::output::tell;
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
@@ -85,6 +86,24 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Sce
         .map_err(|problems| problems_error(&problems))?;
     input.code().apply(&mut config);
     Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
+}
+
+/// Reports on standard error, a line each, the keys of a command line and its files that have no effect.
+pub fn note_idle(config: &Setup, input: &RunInput) {
+    let (_, sets) = split_sets(&parse_assignments(&input.set).unwrap_or_default());
+    for (key, value) in sets {
+        let mut given = toml::Table::new();
+        if swerve_text::set(&mut given, &key, value).is_ok() {
+            config.idle(&given).iter().for_each(|(key, why)| tell(&format!("note: --set: {key}: {why}")));
+        }
+    }
+    // A pipe is read once.
+    let files = input.config.iter().filter(|path| path.is_file() || !path.exists());
+    for document in files.filter_map(|path| Kind::Config.document(path).ok()) {
+        for (key, why) in config.idle(&document.table) {
+            tell(&format!("note: {}", document.problem(&key, why)));
+        }
+    }
 }
 
 /// Reads configuration files for a drive, with the assignments and the consent of a command line; reports the programs

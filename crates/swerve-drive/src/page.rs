@@ -4,7 +4,7 @@ use std::path::Path;
 
 mod log;
 
-pub use log::{LogSoFar, log_of, page_of_log, pair_of_logs};
+pub use log::{LogSoFar, given_log, log_of, page_of_log, pair_of_logs};
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};

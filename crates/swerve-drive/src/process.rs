@@ -56,9 +56,14 @@ fn unready(program: &Program, config: &Config, error: IpcError) -> anyhow::Error
         };
     }
     match started_by(config, process) {
-        Some(start) => anyhow::anyhow!(
-            "{error}: {start}: expected what ends in `swerve worker` and hands on standard input and output"
-        ),
+        Some(start) => {
+            let error = error.to_string();
+            // The end of its standard error comes last.
+            let (error, said) = error.split_at(error.find(';').unwrap_or(error.len()));
+            anyhow::anyhow!(
+                "{error}: {start}: expected what ends in `swerve worker` and hands on standard input and output{said}"
+            )
+        }
         None => error.into(),
     }
 }

@@ -217,14 +217,19 @@ impl Kind {
         self.all().map(|(name, _)| name).find(|name| last(name) == near)
     }
 
-    /// Hint on where to find the built-in names: the names themselves, if few.
+    /// Hint on where to find the built-in names: the names themselves, or the first ones.
     fn listed(self) -> String {
         const FEW: usize = 5;
         let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
         match self {
-            _ if names.len() <= FEW => format!("; the program has {}", names.join(", ")),
-            Self::Scenario => "; `swerve scenarios` lists those of the program".to_owned(),
-            _ => String::new(),
+            Self::Scenario if names.len() > FEW => {
+                "; `swerve scenarios` lists those of the program".to_owned()
+            }
+            _ if names.len() > FEW => {
+                let (first, more) = (names[..FEW].join(", "), names.len() - FEW);
+                format!("; the program has {first} and {more} more")
+            }
+            _ => format!("; the program has {}", names.join(", ")),
         }
     }
 

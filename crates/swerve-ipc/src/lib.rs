@@ -38,6 +38,7 @@ mod service;
 #[cfg(not(feature = "processes"))]
 #[path = "no_service.rs"]
 mod service;
+mod tail;
 mod waker;
 mod worker;
 

@@ -100,6 +100,8 @@ pub(crate) struct Life {
     pub(crate) gone: Option<String>,
     /// Reason for its last end.
     pub(crate) ended: String,
+    /// Last lines of its standard error, after a heading; empty if there are none.
+    pub(crate) said: String,
     /// Wake-up channel between the worker and the coordinator.
     pub(crate) waker: Option<Arc<Waker>>,
     /// Process, from its start to its end.
@@ -244,9 +246,11 @@ impl Link {
         let mut told = false;
         let error = |process: &str, why: String| IpcError::Worker { process: process.to_owned(), why };
         while self.connect().is_err() {
-            if let Some(why) = &self.watched.life().gone {
-                return Err(error(&self.process, format!("{why} before it was ready")));
+            let life = self.watched.life();
+            if let Some(why) = &life.gone {
+                return Err(error(&self.process, format!("{why} before it was ready{}", life.said)));
             }
+            drop(life);
             if now() >= patience.until {
                 return Err(error(&self.process, "did not say in time that it is ready".into()));
             }

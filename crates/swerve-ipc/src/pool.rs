@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::io::Write as _;
 use std::os::fd::OwnedFd;
-use std::process::{Command, ExitStatus};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,6 +21,7 @@ use crate::folder::RunFolder;
 use crate::lend::{Lender, Live, StreamMemory};
 use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Waits, Watched, now};
 use crate::service::Hub;
+use crate::tail::Tail;
 use crate::waker::Waker;
 use crate::{IpcError, Traffic, WorkerSetup};
 
@@ -140,7 +141,7 @@ impl WorkerPool {
         let shared = Arc::new(Shared { watched, ending: AtomicBool::new(false) });
         let (tell_end, ended) = sync_channel(1);
         let address = self.folder.address.clone();
-        let mut watch = Watch { spec, memories, address, shared, on_event };
+        let mut watch = Watch { spec, memories, address, shared, on_event, tail: None };
         let life = watch.start().map_err(|error| IpcError::Worker {
             process: process.clone(),
             why: format!("could not be started: {error}"),
@@ -228,6 +229,8 @@ struct Watch {
     address: crate::folder::Address,
     shared: Arc<Shared>,
     on_event: OnWorkerEvent,
+    /// Standard error of the process.
+    tail: Option<Tail>,
 }
 
 impl Watch {
@@ -250,10 +253,12 @@ impl Watch {
         let (waker, there) = Waker::pair(LOOK_AROUND)?;
         // Standard output is the same socket: a program that forwards both, such as one that reaches another host,
         // passes on what the worker sends back.
-        let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn();
+        command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there));
+        let child = command.stderr(Stdio::piped()).spawn();
         let program = command.get_program().to_string_lossy();
-        let child =
+        let mut child =
             child.map_err(|error| std::io::Error::new(error.kind(), format!("`{program}`: {error}")))?;
+        self.tail = child.stderr.take().map(Tail::of).transpose()?;
         // The command keeps the other end open for another child.
         drop(command);
         let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;
@@ -275,12 +280,13 @@ impl Watch {
             let (child, hung) = self.shared.watched.life().end();
             let status = child.map(|mut child| child.wait());
             let why = hung.unwrap_or_else(|| ended(status));
+            let said = self.tail.take().map_or_else(String::new, Tail::finish);
             if self.is_ending() {
                 return;
             }
             let was_ready = {
                 let mut life = self.shared.watched.life();
-                (life.gone, life.ended) = (Some(why.clone()), why.clone());
+                (life.gone, life.ended, life.said) = (Some(why.clone()), why.clone(), said);
                 life.ready == life.starts
             };
             self.shared.watched.tell_end();

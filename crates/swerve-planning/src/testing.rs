@@ -180,18 +180,33 @@ pub fn conformance<P: Planner>(make: &dyn Fn() -> P, drivable: bool) {
         let mut counted = Unlimited::default();
         let plan = make().plan(&request, &mut counted);
         check_form(name, &plan, &request);
-        assert_eq!(plan.work, counted.spent, "{name}: work is what was spent");
+        check_work(name, &plan, counted.spent);
         let again = make().plan(&request, &mut Unlimited::default());
-        assert_eq!(plan, again, "{name}: same in, same out");
+        let differ = "expected the same plan for the same request";
+        assert!(plan == again, "{name}: {differ}, from two new planners; found {plan:?} and {again:?}");
         let mut reused = make();
         reused.plan(&request, &mut Unlimited::default());
-        assert_eq!(plan, reused.plan(&request, &mut Unlimited::default()), "{name}: no memory");
+        let second = reused.plan(&request, &mut Unlimited::default());
+        assert!(plan == second, "{name}: {differ}, in the second call; found {plan:?} and {second:?}");
         bounded_work(name, make, &request, counted.spent);
         if drivable && plan.status == PlanStatus::Found {
             let (first, start) = (plan.points[0], &request.start);
-            assert!(first.pose.point().distance(start.pose.point()) < 0.3, "{name}: starts at the state");
-            assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.0, "{name}: collides");
-            assert!(world.margin_m(&plan) > -0.02, "{name}: leaves the road: {}", world.margin_m(&plan));
+            let from_m = first.pose.point().distance(start.pose.point());
+            assert!(
+                from_m < 0.3,
+                "{name}: expected a first point at most 0.3 m from the start state, found {from_m} m"
+            );
+            let clearance_m = world.clearance_m(&plan, CollisionMode::TimeIndexed);
+            assert!(
+                clearance_m > 0.0,
+                "{name}: expected a plan with the status `Found` to touch no road user, found a clearance of {clearance_m} m"
+            );
+            let margin_m = world.margin_m(&plan);
+            assert!(
+                margin_m > -0.02,
+                "{name}: expected a plan with the status `Found` to stay on the road, found {} m beyond its edge",
+                -margin_m
+            );
             within_limits(name, &plan, &world.limits);
         }
     }
@@ -284,20 +299,37 @@ fn worlds() -> Vec<(&'static str, World)> {
     ]
 }
 
+fn check_work(name: &str, plan: &Plan, spent: u64) {
+    let work = plan.work;
+    assert!(
+        work == spent,
+        "{name}: expected `plan.work` to be the number of units passed to `budget.spend`, {spent}; found {work}"
+    );
+}
+
 fn check_form(name: &str, plan: &Plan, request: &Request<'_>) {
-    assert_eq!(plan.stamp, request.stamp, "{name}");
-    assert!(!plan.points.is_empty(), "{name}: a plan has points");
-    assert!(plan.points[0].at >= request.start.stamp, "{name}: begins in the past");
+    let (found, stamp) = (plan.stamp, request.stamp);
+    assert!(
+        found == stamp,
+        "{name}: expected `plan.stamp` to be `request.stamp`, {stamp:?}; found {found:?}"
+    );
+    assert!(!plan.points.is_empty(), "{name}: expected at least one point in the plan, found none");
+    let (first, start) = (plan.points[0].at, request.start.stamp);
+    assert!(
+        first >= start,
+        "{name}: expected the first point at or after the start, {start:?}; found {first:?}"
+    );
     for pair in plan.points.windows(2) {
-        assert!(pair[0].at < pair[1].at, "{name}: instants increase");
+        let [a, b] = [pair[0].at, pair[1].at];
+        assert!(a < b, "{name}: expected points at increasing instants, found {a:?} before {b:?}");
     }
     for p in &plan.points {
         let finite = p.pose.is_finite()
             && p.curvature_1pm.is_finite()
             && p.speed_mps.is_finite()
             && p.accel_mps2.is_finite();
-        assert!(finite, "{name}: {p:?}");
-        assert!(p.speed_mps >= -1e-6, "{name}: {p:?}");
+        assert!(finite, "{name}: expected finite numbers in every point, found {p:?}");
+        assert!(p.speed_mps >= -1e-6, "{name}: expected no negative speed, found {p:?}");
     }
 }
 
@@ -308,9 +340,13 @@ fn bounded_work<P: Planner>(name: &str, make: &dyn Fn() -> P, request: &Request<
         }
         let mut capped = Capped::new(units);
         let plan = make().plan(request, &mut capped);
+        let name = &format!("{name}, with a budget of {units} units");
         check_form(name, &plan, request);
-        assert!(!capped.asked_after_stop, "{name}: goes on after stop at {units}");
-        assert_eq!(plan.work, capped.spent, "{name}");
+        assert!(
+            !capped.asked_after_stop,
+            "{name}: expected no call of `budget.spend` after it returned `Progress::Stop`, found one"
+        );
+        check_work(name, &plan, capped.spent);
     }
 }
 
@@ -318,10 +354,16 @@ fn within_limits(name: &str, plan: &Plan, limits: &Limits) {
     let curvature_max = swerve_geom::math::tan(limits.steering_max_rad) / Shape::default().wheelbase_m;
     for p in &plan.points {
         let lateral = p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
-        assert!(lateral <= limits.lateral_accel_max_mps2 * 1.05 + 0.05, "{name}: lateral {lateral}: {p:?}");
-        assert!(p.curvature_1pm.abs() <= curvature_max * 1.02 + 1e-6, "{name}: {p:?}");
-        assert!(p.accel_mps2 <= limits.accel_max_mps2 + 0.05, "{name}: {p:?}");
-        assert!(p.accel_mps2 >= -limits.brake_max_mps2 - 0.05, "{name}: {p:?}");
+        let check = |what: &str, found: f64, [least, most]: [f64; 2]| {
+            assert!(
+                (least..=most).contains(&found),
+                "{name}: expected {what} within the vehicle's limits, {least} to {most}; found {found} at {p:?}"
+            );
+        };
+        check("a lateral acceleration, m/s2,", lateral, [0.0, limits.lateral_accel_max_mps2 * 1.05 + 0.05]);
+        check("a curvature, 1/m,", p.curvature_1pm.abs(), [0.0, curvature_max * 1.02 + 1e-6]);
+        let accels = [-limits.brake_max_mps2 - 0.05, limits.accel_max_mps2 + 0.05];
+        check("an acceleration, m/s2,", p.accel_mps2, accels);
     }
 }
 
@@ -343,4 +385,35 @@ pub fn least_braking_mps2(speed_mps: f64, brake_mps2: f64, gap_m: f64, reaction_
         })
     };
     (1..400).map(|k| 0.05 * f64::from(k)).find(|own_mps2| keeps(*own_mps2)).unwrap_or(f64::INFINITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::route::follow_route;
+    use crate::path::speed::SpeedProfile;
+
+    /// Follows the route and reports `work` for each unit spent.
+    struct Miscounting {
+        work: u64,
+    }
+
+    impl Planner for Miscounting {
+        fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
+            budget.spend(1);
+            let plan = follow_route(request, SpeedProfile::Limited, 5.0, PlanStatus::Route);
+            Plan { work: self.work, ..plan }
+        }
+    }
+
+    #[test]
+    fn conformance_reports_the_expected_and_the_found_value() {
+        conformance(&|| Miscounting { work: 1 }, false);
+        let failed =
+            std::panic::catch_unwind(|| conformance(&|| Miscounting { work: 0 }, false)).unwrap_err();
+        assert_eq!(
+            failed.downcast_ref::<String>().unwrap(),
+            "empty: expected `plan.work` to be the number of units passed to `budget.spend`, 1; found 0"
+        );
+    }
 }

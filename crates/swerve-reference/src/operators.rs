@@ -8,7 +8,7 @@ use swerve_stack::Setup;
 use swerve_stack::assembly::COMMON_KEYS;
 use swerve_stack::schedule;
 use swerve_stack::{OperatorKind, Registry, Settings};
-use swerve_text::did_you_mean;
+use swerve_text::nearest;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
@@ -25,8 +25,10 @@ pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
     let Some(name) = &args.kind else { return print(&list(registry)) };
     let Some(kind) = registry.kind(name) else {
         let names: Vec<&str> = registry.kinds().map(|kind| kind.node().kind).collect();
-        let near = did_you_mean(name, names.iter().copied());
-        bail!("unknown kind `{name}`, expected one of {}{near}", names.join(", "));
+        match nearest(name, names.iter().copied()) {
+            Some(near) => bail!("unknown kind `{name}`; did you mean `{near}`?"),
+            None => bail!("unknown kind `{name}`, expected one of {}", names.join(", ")),
+        }
     };
     print(&show(&**kind, registry))
 }

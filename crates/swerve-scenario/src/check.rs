@@ -16,6 +16,7 @@ pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
     lights(scenario, &mut found);
     goal(scenario, &mut found);
     start(scenario, &Shape::default(), &mut found);
+    on_the_road(scenario, &mut found);
     actors(scenario, &mut found);
     triggers(scenario, &mut found);
     found
@@ -80,19 +81,35 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
     }
 }
 
-/// Largest number of overlapping actors that are reported one by one.
-const OVERLAPS_MAX: usize = 100;
+/// Distance before the start and beyond the end of the road up to which actors may start, metres.
+const BESIDE_ENDS_M: f64 = 100.0;
+
+/// Actors must start along the road or near its ends: `s_m` far beyond them is a mistake.
+fn on_the_road(scenario: &Scenario, found: &mut Vec<(String, String)>) {
+    let length_m = scenario.road.length_m();
+    let reach = -BESIDE_ENDS_M..=length_m + BESIDE_ENDS_M;
+    let beyond = scenario.actors.iter().filter(|actor| !reach.contains(&actor.s_m));
+    for Actor { name, s_m, .. } in beyond.take(PROBLEMS_MAX) {
+        let message = format!(
+            "starts at {s_m} m: expected a place on the road, 0 to {length_m} m, or at most {BESIDE_ENDS_M} m beyond its ends"
+        );
+        found.push((format!("actor.{name}.s_m"), message));
+    }
+}
+
+/// Largest number of problems of one sort that are reported one by one.
+const PROBLEMS_MAX: usize = 100;
 
 /// Movable actors must not overlap at the start: the physics engine would push them apart. For each actor only the
 /// first overlap is reported.
 fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let line = scenario.road.line();
     let overlaps = overlaps(scenario, &line);
-    for (i, other) in overlaps.iter().take(OVERLAPS_MAX) {
+    for (i, other) in overlaps.iter().take(PROBLEMS_MAX) {
         let message = format!("starts inside the actor \"{}\"", scenario.actors[*other].name);
         found.push((format!("actor.{}", scenario.actors[*i].name), message));
     }
-    if let Some(more) = overlaps.len().checked_sub(OVERLAPS_MAX).filter(|more| *more > 0) {
+    if let Some(more) = overlaps.len().checked_sub(PROBLEMS_MAX).filter(|more| *more > 0) {
         found.push(("actor".to_owned(), format!("{more} more start inside others")));
     }
 }

@@ -5,6 +5,7 @@
 
 mod additions;
 mod check;
+mod idle;
 mod links;
 mod processes;
 pub(crate) mod settings;

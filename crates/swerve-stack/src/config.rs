@@ -18,6 +18,7 @@ pub mod live;
 pub mod localization;
 pub mod model;
 pub mod monitor;
+pub(crate) mod near_keys;
 pub(crate) mod old_names;
 mod operator;
 pub mod perception;
@@ -344,10 +345,14 @@ impl Config {
     }
 
     /// Name of this pipeline in scenarios: the planner, prefixed by `paper_` under that preset; `ros2` where another
-    /// stack drives; the planner's kind for a custom one.
+    /// stack drives; the class of a planner in Python; the planner's kind for a custom one.
     pub fn pipeline_name(&self) -> String {
         if self.is_driven_over_ros2() {
             return "ros2".into();
+        }
+        let process = self.process_of("planner").and_then(|process| self.process.get(process));
+        if let Some(Ok((_, class))) = process.and_then(ProcessConfig::python_class) {
+            return class.to_owned();
         }
         let planner = self.operator.get("planner").and_then(|own| own.kind.as_deref());
         if let Some(kind) = planner.filter(|kind| *kind != "planner") {

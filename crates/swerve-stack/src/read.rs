@@ -7,6 +7,7 @@ use swerve_text::{Document, Guessed, KeyProblem, Misread, Problem, Problems};
 use crate::assembly::settings::give_sections;
 use crate::config::Config;
 use crate::config::car::fill_in;
+use crate::config::near_keys::with_near_keys;
 use crate::config::old_names::with_present_name;
 use crate::config::process::with_whole_paths;
 use crate::problems::KeyProblems;
@@ -123,7 +124,7 @@ impl Setup {
         let mut table = with_whole_paths(table, Path::new(""));
         fill_in(&mut table);
         let problems = |found: KeyProblems| {
-            let named = found.into_iter().map(with_present_name);
+            let named = found.into_iter().map(with_present_name).map(with_near_keys);
             named.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
         };
         let mut setup = Self::new(swerve_text::read(&table).map_err(problems)?, registry);
@@ -149,8 +150,12 @@ fn in_order(
     faults: impl IntoIterator<Item = KeyProblem>,
     problem: impl Fn(&str, String) -> Problem,
 ) -> Problems {
-    let mut problems: Vec<Problem> =
-        faults.into_iter().map(with_present_name).map(|(key, message)| problem(&key, message)).collect();
+    let mut problems: Vec<Problem> = faults
+        .into_iter()
+        .map(with_present_name)
+        .map(with_near_keys)
+        .map(|(key, message)| problem(&key, message))
+        .collect();
     problems.sort_by_key(|problem| (problem.line.is_none(), problem.line));
     problems.into_iter().collect()
 }

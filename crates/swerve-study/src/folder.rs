@@ -1,5 +1,6 @@
 //! Output folder of a study, checked against overwriting other results.
 
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
@@ -48,6 +49,23 @@ impl OutArgs {
             set_owner(folder, &identity)?;
         }
         Ok(folder.clone())
+    }
+}
+
+/// Claims a folder until the result is dropped, so that two studies do not drive the same cells; shards share it. A file
+/// system without locks claims nothing.
+///
+/// # Errors
+/// If another process has claimed the folder.
+pub(crate) fn claim(folder: &Path, is_shard: bool) -> anyhow::Result<Option<File>> {
+    let Ok(claim) = File::open(folder) else { return Ok(None) };
+    match if is_shard { claim.try_lock_shared() } else { claim.try_lock() } {
+        Ok(()) => Ok(Some(claim)),
+        Err(TryLockError::Error(_)) => Ok(None),
+        Err(TryLockError::WouldBlock) => bail!(
+            "{}: another `swerve study` is driving its cells into this folder: wait for its end, or expected another --out",
+            folder.display()
+        ),
     }
 }
 
@@ -111,6 +129,18 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn folder_is_claimed_by_one_study_or_by_shards() {
+        let folder = tempfile::tempdir().unwrap();
+        let claim = |is_shard| claim(folder.path(), is_shard);
+        let first = claim(false).unwrap();
+        assert!(claim(false).unwrap_err().to_string().contains("another `swerve study` is driving"));
+        assert!(claim(true).is_err());
+        drop(first);
+        let _shards = (claim(true).unwrap(), claim(true).unwrap());
+        assert!(claim(false).is_err());
+    }
 
     #[test]
     fn page_identifies_its_study() {

@@ -91,10 +91,34 @@ impl Study {
     /// # Errors
     /// All problems of the file itself; its cells are not checked.
     pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
+        Self::read_meant(path, sets).map_err(|(problems, _)| problems)
+    }
+
+    /// Same as [`read`](Self::read), but the error also contains the study without its wrong axes, if that can be read.
+    pub(crate) fn read_meant(
+        path: &Path,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, (Problems, Option<Box<Self>>)> {
+        let mut meant = None;
+        Self::read_or(path, sets, &mut meant).map_err(|problems| (problems, meant))
+    }
+
+    fn read_or(
+        path: &Path,
+        sets: &[(String, toml::Value)],
+        meant: &mut Option<Box<Self>>,
+    ) -> Result<Self, Problems> {
         let document = Kind::Study.document(path)?;
         let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
-        let study = document.to_checked(|file| Self::checked(&document, file, (folder, stem), sets))?;
+        let study = document.to_checked(|file| {
+            let (study, problems) = Self::checked(&document, file, (folder, stem), sets);
+            if problems.is_empty() {
+                return Ok(study);
+            }
+            *meant = Some(Box::new(study));
+            Err(problems)
+        })?;
         Ok(Self { doubt: Kind::Study.doubt(path, &document.text), ..study })
     }
 
@@ -103,7 +127,7 @@ impl Study {
         file: StudyFile,
         (folder, name): (&Path, String),
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Problems> {
+    ) -> (Self, Problems) {
         let mut problems = Problems::new();
         let (axes, steps) = read_axes(document, (&file, folder), sets, &mut problems);
         if let Some(budget) = &file.budget {
@@ -127,13 +151,10 @@ impl Study {
             timely_prediction.check(document, &mut problems);
         }
         check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);
-        if !problems.is_empty() {
-            return Err(problems);
-        }
         let mut base = Vec::new();
         flatten("", &file.base.set, &mut base);
         base.extend_from_slice(sets);
-        Ok(Self {
+        let study = Self {
             file: document.file.clone(),
             doubt: None,
             lines: places::lines(document, &file),
@@ -156,7 +177,8 @@ impl Study {
             timely_prediction: file
                 .timely_prediction
                 .map(|timely_prediction| (timely_prediction, folder.to_owned())),
-        })
+        };
+        (study, problems)
     }
 
     /// Expands the axes to cells.

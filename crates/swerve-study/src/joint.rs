@@ -202,7 +202,7 @@ fn index_of(study: &Study, chosen: &[(usize, usize)]) -> usize {
 }
 
 /// Moves a problem of an assignment in the study to the line that sets it.
-fn located(study: &Study, mut problem: Problem) -> Problem {
+pub(super) fn located(study: &Study, mut problem: Problem) -> Problem {
     let sets = study.lines.iter().filter(|(key, _)| is_within(&problem.key, key));
     if let Some((_, line)) = sets.max_by_key(|(key, _)| key.len()).filter(|_| problem.file == "--set") {
         problem.file.clone_from(&study.file);

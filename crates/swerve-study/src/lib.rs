@@ -8,6 +8,7 @@
 mod budget;
 mod consent;
 mod folder;
+mod idle;
 mod joint;
 pub mod layer;
 mod limit;
@@ -200,7 +201,7 @@ impl Bench {
     /// # Errors
     /// All problems of the study, its scenarios and the configurations of its cells.
     pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let study = read(file, sets)?;
+        let study = read(registry, file, sets)?;
         let given = swerve_text::parse_assignments(sets)?;
         Ok(Self { consent: StudyConsent::of(given), ..Self::of(registry, study)? })
     }
@@ -220,7 +221,7 @@ impl Bench {
     /// # Errors
     /// As for [`open`](Self::open).
     pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<Self> {
-        Self::unexpanded(registry, read(file, &[])?)
+        Self::unexpanded(registry, read(registry, file, &[])?)
     }
 
     fn unexpanded(registry: &Registry, study: Study) -> anyhow::Result<Self> {
@@ -238,7 +239,10 @@ impl Bench {
         }
         let bases = Bases::read(&study, &mut unread);
         // All problems are reported before the first cell runs.
-        let problems = joint::problems(&study, &bases.documents, &scenarios, registry);
+        let mut problems = joint::problems(&study, &bases.documents, &scenarios, registry);
+        if problems.is_empty() && unread.is_empty() {
+            problems = idle::problems(&study, &bases.documents, registry);
+        }
         if problems.is_empty() && unread.is_empty() {
             let (registry, consent) = (registry.clone(), StudyConsent::default());
             return Ok(Self { study, scenarios, bases, consent, registry, program: Program::digest()? });
@@ -312,6 +316,7 @@ impl Bench {
         };
         on_interrupt(stopping).context("listening for Ctrl-C")?;
         let store = CellStore::open(how.out)?;
+        let _claim = folder::claim(how.out, how.shard.is_some())?;
         let threads = how.threads.unwrap_or_else(swerve_drive::threads::cores);
         let runner = Runner { store: &store, threads, shard: how.shard, reports: how.reports, stop: &stop };
         let run = |cell: &Cell, fingerprint| {
@@ -383,10 +388,18 @@ impl Bench {
     }
 }
 
-/// Reads a study file; `sets` are applied to every cell, before the axes.
-fn read(file: &Path, sets: &[String]) -> anyhow::Result<Study> {
+/// Reads a study file; `sets` are applied to every cell, before the axes. The error of a study with wrong axes also has
+/// the unknown keys of the others.
+fn read(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Study> {
     let sets = swerve_text::parse_assignments(sets);
-    Study::read(file, &sets?).map_err(|problems| problems_error(&problems))
+    Study::read_meant(file, &sets?).map_err(|(problems, meant)| {
+        let mut all: Vec<String> = problems.iter().map(Problem::to_string).collect();
+        // The configuration may be wrong only because of the missing axes, but no axis makes a key known.
+        let rest = meant.map(|study| Bench::unexpanded(registry, *study).err()).unwrap_or_default();
+        let rest = rest.map(|error| error.to_string()).unwrap_or_default();
+        all.extend(rest.lines().filter(|line| line.contains(": unknown key")).map(str::to_owned));
+        problems_error(&all)
+    })
 }
 
 /// Problems of a cell that the check of the whole study missed.

@@ -143,7 +143,10 @@ impl Document {
                 .map(|span| line_of(text, span.start))
                 .or_else(|| line_that_fails(text, &error)),
             key: String::new(),
-            message: not_toml(error.message().trim_end()),
+            message: match duplicate(text, &error) {
+                Some(message) => message,
+                None => not_toml(error.message().trim_end()),
+            },
         };
         let parsed = DeTable::parse(text).map_err(syntax)?;
         if let Some(TooLong { key, start, message }) = TooLong::find(parsed.get_ref()) {
@@ -261,6 +264,26 @@ fn lay_over(base: &mut toml::Table, top: toml::Table, prefix: &str, places: &mut
     }
 }
 
+/// Message for a key that is there twice, with the key.
+fn duplicate(text: &str, error: &toml::de::Error) -> Option<String> {
+    let at = error.span().filter(|_| error.message().trim_end() == "duplicate key")?.start;
+    let start = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
+    let line = text.get(start..)?.lines().next()?.trim();
+    let header = line.strip_prefix('[').and_then(|line| line.split(']').next());
+    Some(match header {
+        Some(name) => {
+            let name = name.trim_start_matches('[').trim();
+            format!(
+                "the table `[{name}]` is there twice: expected one, or `[[{name}]]` for each entry of a list"
+            )
+        }
+        None => {
+            let key = line.split('=').next().unwrap_or(line).trim();
+            format!("the key `{key}` is there twice: expected each key once in a table")
+        }
+    })
+}
+
 /// Rewords an error of the TOML parser for users.
 fn not_toml(message: &str) -> String {
     if message.starts_with("invalid type: integer") {
@@ -358,6 +381,14 @@ mod tests {
              a.toml:1: other: unknown key; expected one of \"inner\""
         );
         assert_eq!(problem(""), "a.toml: inner: is missing: expected a table");
+        assert_eq!(
+            problem("[[road]]\n[actor]\na = 1\n[actor]\na = 2\n"),
+            "a.toml:4: the table `[actor]` is there twice: expected one, or `[[actor]]` for each entry of a list"
+        );
+        assert_eq!(
+            problem("a = 1\nb.c = 1\na = 2\n"),
+            "a.toml:3: the key `a` is there twice: expected each key once in a table"
+        );
         assert!(problem("[inner\n").starts_with("a.toml:1: not TOML: "), "{}", problem("[inner\n"));
     }
 

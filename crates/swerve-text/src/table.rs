@@ -334,7 +334,11 @@ impl<'r> TableReader<'r> {
         name: impl Fn(&TableReader<'r>) -> Option<String>,
     ) -> Vec<TableReader<'r>> {
         let mut tables = Vec::new();
-        for (i, value) in self.array(key, "an array of tables").iter().enumerate() {
+        let wanted = match self.path.is_empty() {
+            true => format!("an array of tables, each after `[[{key}]]`"),
+            false => "an array of tables".to_owned(),
+        };
+        for (i, value) in self.array(key, &wanted).iter().enumerate() {
             let (place, path) =
                 (format!("{}[{i}]", join(&self.place, key)), format!("{}[{i}]", self.key(key)));
             match value {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use swerve_drive::page::log_of;
+use swerve_drive::page::given_log;
 use swerve_eval::{Metrics, Why};
 use swerve_report::output::{print, tell};
 use swerve_stack::Registry;
@@ -30,7 +30,7 @@ const OF_RUN_BYTES: usize = 80 << 20;
 
 /// Runs `swerve why`.
 pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
-    let log = log_of(&args.log).unwrap_or_else(|| args.log.clone());
+    let log = given_log(&args.log)?;
     let why = Logged::read(&log, registry)?.why_of(args.actor.as_deref(), args.at)?;
     if args.json {
         return print(&(serde_json::to_string_pretty(&why)? + "\n"));

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use swerve_drive::{graph, process, scenarios};
+use swerve_drive::{graph, process, scenarios, suggest};
 use swerve_learn::{calibrate, dataset, train};
 use swerve_measure::{evaluate, map, track};
 use swerve_stack::Registry;
@@ -85,7 +85,11 @@ enum Command {
 
 /// Parses a command line, program name first. The error is the message for the terminal.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(words).map_err(|error| swerve_drive::suggest::visible(error, &Cli::command()))
+    let words: Vec<OsString> = words.into_iter().map(Into::into).collect();
+    Cli::try_parse_from(&words).map_err(|error| {
+        let program = Cli::command();
+        suggest::by_key(suggest::visible(error, &program), &program, &words)
+    })
 }
 
 /// Runs the command line.

@@ -11,7 +11,7 @@ use swerve_stack::Registry;
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct NewArgs {
-    /// Folder to create; it must not exist or be empty
+    /// Folder to create; must be empty or absent
     folder: PathBuf,
 }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_drive::page::{COMMAND, LogSoFar, log_of, pair_of_logs};
+use swerve_drive::page::{COMMAND, LogSoFar, given_log, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
@@ -69,7 +69,7 @@ impl ReplayArgs {
 
 /// Runs `swerve replay`.
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
-    let path = log_of(&args.log).unwrap_or_else(|| args.log.clone());
+    let path = given_log(&args.log)?;
     let whole = || Log::read(&path).context("--verify: expected a complete log");
     let so_far = match args.verify {
         true => LogSoFar::whole(&path, whole()?),

@@ -12,8 +12,8 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
 use swerve_drive::{
-    Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
-    set_up, story, title, trust,
+    Outcome, Recording, RunInput, drive_pipeline, load, note_idle, operators_with_runtime, record_run_times,
+    run_start, set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer};
 use swerve_live::ros2::Ros2Car;
@@ -100,6 +100,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
+    note_idle(&config, &args.input);
     // The log is read before any file is created: it may be in the output folder itself.
     if let Some(log) = &args.runtimes {
         let set = operators_with_runtime(&input.set)?;

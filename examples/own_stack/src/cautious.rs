@@ -34,7 +34,8 @@ impl Planner for Cautious {
         budget.spend(1);
         let target_speed_mps = self.0.share * request.target_speed_mps;
         let slower = Request { target_speed_mps, ..*request };
-        follow_route(&slower, SpeedProfile::Limited, HORIZON_S, PlanStatus::Route)
+        let plan = follow_route(&slower, SpeedProfile::Limited, HORIZON_S, PlanStatus::Route);
+        Plan { work: 1, ..plan }
     }
 }
 
@@ -50,4 +51,9 @@ impl NamedPlanner for Cautious {
         params.check_ranges()?;
         Ok(Self(params))
     }
+}
+
+#[test]
+fn conforms() {
+    swerve_planning::testing::conformance(&|| Cautious(Params::default()), false);
 }

@@ -25,6 +25,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{COMMAND, RunReport};
 use crate::load::problems_error;
+use crate::shipped::Kind;
 
 /// Log named by a path to it or to the folder of its run; the partial log of an interrupted run.
 pub fn log_of(path: &Path) -> Option<PathBuf> {
@@ -32,6 +33,27 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
         return Some(path.to_owned());
     }
     ["log.mcap", "log.partial.mcap"].map(|name| path.join(name)).into_iter().find(|log| log.is_file())
+}
+
+/// Same as [`log_of`] for a command line: the path itself if it exists or names a log.
+///
+/// # Errors
+/// If there is no such file: with the folder below `out` of this name, or the command that makes it.
+pub fn given_log(path: &Path) -> anyhow::Result<PathBuf> {
+    if let Some(log) = log_of(path) {
+        return Ok(log);
+    }
+    if path.exists() {
+        return Ok(path.to_owned());
+    }
+    let name = path.file_stem().unwrap_or_default();
+    let (shown, folder) = (path.display(), Path::new("out").join(name));
+    if log_of(&folder).is_some() {
+        anyhow::bail!("there is no log {shown}; did you mean `{}`?", folder.display());
+    }
+    let is_scenario = Kind::Scenario.text(path).is_ok();
+    let run = if is_scenario { format!("swerve run {shown}") } else { "swerve run SCENARIO".to_owned() };
+    anyhow::bail!("there is no log {shown}; `{run}` records one in a folder below `out`")
 }
 
 /// The readable part of a log.

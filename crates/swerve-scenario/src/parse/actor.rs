@@ -17,11 +17,12 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
 /// Reads one actor; `names` are those of all actors, to resolve references.
 pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
-    let (kind, _, size, mass) = KINDS[table.one_of("kind", &kind_names).unwrap_or(0)];
+    let known = table.one_of("kind", &kind_names);
+    let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
     let actor = Actor {
         name: name.to_owned(),
         kind,
-        extent: extent(table, kind, size),
+        extent: extent(table, known.map(|_| kind), size),
         mass_kg: table.number_or("mass_kg", mass, Range::between(0.1, 100_000.0)),
         s_m: table.number("s_m", PLACE),
         d_m: table.number("d_m", PLACE),
@@ -36,11 +37,15 @@ pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Act
     actor
 }
 
-fn extent(table: &TableReader<'_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
+/// Reads the size of an actor; `kind` is `None` if it is wrong, and the size may then be that of any kind.
+fn extent(table: &TableReader<'_>, kind: Option<ActorKind>, usual: [f64; 3]) -> Extent {
     let [mut length_m, mut width_m, mut height_m] = usual;
     let side = Range::between(0.01, 1_000.0);
     if let Some(size) = table.table_if_any("size") {
-        if kind == ActorKind::Pedestrian {
+        if kind.is_none() {
+            size.number_if_any("radius_m", side);
+        }
+        if kind == Some(ActorKind::Pedestrian) {
             width_m = 2.0 * size.number_or("radius_m", 0.5 * width_m, Range::between(0.01, 2.0));
             length_m = width_m;
         } else {
@@ -49,7 +54,7 @@ fn extent(table: &TableReader<'_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
         }
         height_m = size.number_or("height_m", height_m, side);
         size.finish();
-    } else if kind == ActorKind::Static {
+    } else if kind == Some(ActorKind::Static) {
         table.report("size", "is missing: expected { length_m, width_m, height_m } of what cannot move");
     }
     Extent { length_m, width_m, height_m }

@@ -148,6 +148,9 @@ fn wrong_values_and_impossible_starts_are_reported_with_line_and_key() {
             "5 ego: the ego's start at s = 0 m, d = 0 m, or can be as a seed draws it (within 0.5 m), is inside the \
              actor \"bus\"",
         ]),
+        ("s_m = 20.0\nd_m = 4.0", "s_m = 500.0\nd_m = 4.0", vec![
+            "17 actor.bike.s_m: starts at 500 m: expected a place on the road, 0 to 200 m, or at most 100 m beyond its ends",
+        ]),
         ("s_m = 20.0\nd_m = 4.0", "s_m = 42.0\nd_m = 3.0", vec![
             "14 actor.bike: starts inside the actor \"bus\"",
         ]),
@@ -172,6 +175,10 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
             "8 actor.bus.size: is missing: expected { length_m, width_m, height_m } of what cannot move",
             "13 actor.bus.motion: an actor of kind \"static\" cannot move",
         ]),
+        ("kind = \"truck\"", "kind = \"person\"\nsize = { radius_m = 0.4 }", vec![
+            "10 actor.bus.kind: expected one of \"car\", \"truck\", \"motorcycle\", \"cyclist\", \"pedestrian\", \
+             \"static\", found \"person\"; did you mean `pedestrian`?",
+        ]),
         ("who = \"bus\"", "who = \"bsu\"", vec![
             "19 actor.bike.trigger.reaches.who: unknown actor \"bsu\"; did you mean `bus`?",
         ]),
@@ -194,6 +201,16 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
         ("name = \"bike\"", "name = 7", vec!["15 actor[1].name: expected a text that is not blank, without control characters, found 7"]),
     ];
     check(&table);
+}
+
+#[test]
+fn table_in_place_of_an_array_of_tables_is_answered_with_the_form() {
+    let head = FULL.split("[[actor]]").next().unwrap();
+    let found = Scenario::parse("a.toml", &format!("{head}[actor]\nname = \"bus\"\n")).unwrap_err();
+    assert_eq!(
+        found.iter().next().unwrap().to_string(),
+        "a.toml:8: actor: expected an array of tables, each after `[[actor]]`, found a table"
+    );
 }
 
 #[test]
@@ -228,7 +245,7 @@ fn wrong_motion_expectation_and_text_are_reported() {
         ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
             "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"name\", \"road\"",
         ]),
-        ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : not TOML: duplicate key"]),
+        ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : the key `kind` is there twice: expected each key once in a table"]),
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
     ];
     check(&table);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use swerve_core::Ranges;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
@@ -73,6 +73,16 @@ pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 /// Built-in cost, parsed once since every default configuration has it.
 static BUILT_IN_COST: LazyLock<Cost> = LazyLock::new(|| swerve_text::built_in(include_str!("cost.toml")));
 
+/// Built-in cost with the given entries in place of its own.
+fn over_built_in<'de, D: Deserializer<'de>>(given: D) -> Result<Cost, D::Error> {
+    let given = Cost::deserialize(given)?;
+    let mut cost = BUILT_IN_COST.clone();
+    for (planner, by_fineness) in given {
+        cost.entry(planner).or_default().extend(by_fineness);
+    }
+    Ok(cost)
+}
+
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
@@ -126,8 +136,10 @@ pub struct PlanningConfig {
     pub ladder: Option<String>,
     /// Run time of the highest rung that may be taken, ms; the finest of all when absent.
     pub rung_ms: Option<f64>,
-    /// Run time by planner and discretisation; `[operator.planner] runtime` overrides it. A file that names one entry
-    /// replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
+    /// Run time by planner and discretisation; `[operator.planner] runtime` overrides it. An entry replaces the built-in
+    /// one of its planner and discretisation and keeps the others. Default: `cost.toml`, measured by `swerve calibrate`
+    /// for the `best` presets.
+    #[serde(deserialize_with = "over_built_in")]
     pub cost: Cost,
     /// Latency added to every plan, ms.
     #[schemars(range(min = 0.0, max = 100_000.0))]

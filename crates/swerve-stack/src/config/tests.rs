@@ -97,13 +97,35 @@ fn every_planner_has_a_built_in_cost() {
 }
 
 #[test]
+fn pipeline_with_a_planner_in_python_has_the_name_of_the_class() {
+    let text = "[process.plan]\noperators = [\"OPERATOR\"]\npython = \"a.py:Along\"\n";
+    let name =
+        |operator: &str| swerve_text::built_in::<Config>(&text.replace("OPERATOR", operator)).pipeline_name();
+    assert_eq!(["planner", "tracker"].map(name), ["Along", "fot"]);
+}
+
+#[test]
+fn one_entry_of_the_cost_keeps_the_others() {
+    let built_in = PlanningConfig::default().cost;
+    let waypoint = PlannerName::new("waypoint");
+    let of_file = config("[planning.cost.waypoint]\nfast = { fixed_ms = 5 }\n", &[]).unwrap();
+    let of_set = config("", &["planning.cost.waypoint.fast.fixed_ms=5"]).unwrap();
+    for cost in [of_file.planning.cost.clone(), of_set.planning.cost.clone()] {
+        assert_eq!(cost[&waypoint][&Fineness::Fast], Runtime::fixed(5.0));
+        assert_eq!(cost[&waypoint][&Fineness::Slow], built_in[&waypoint][&Fineness::Slow]);
+        assert_eq!(cost[&PlannerName::FOT], built_in[&PlannerName::FOT]);
+    }
+}
+
+#[test]
 fn resolved_text_reads_back_as_itself() {
     let mut config = Setup::default();
     config.operator.insert(
         "planner".into(),
         OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
     );
-    config.planning.cost.insert(PlannerName::FOT, [(Fineness::Fast, Runtime::fixed(2.0))].into());
+    let cost = config.planning.cost.entry(PlannerName::FOT).or_default();
+    cost.insert(Fineness::Fast, Runtime::fixed(2.0));
     let document = Document::parse("resolved", config.to_text()).unwrap();
     assert_eq!(Setup::from_document(&document, &[]).unwrap().config, config.config);
 }

@@ -3,7 +3,11 @@ use super::*;
 fn study(text: &str) -> Result<Study, Problems> {
     let document = Document::parse("s.toml", text).unwrap();
     let place = (Path::new("dir"), "s".to_owned());
-    document.to_checked(|file| Study::checked(&document, file, place, &[])).map(Study::expand)
+    let checked = document.to_checked(|file| {
+        let (study, problems) = Study::checked(&document, file, place, &[]);
+        if problems.is_empty() { Ok(study) } else { Err(problems) }
+    });
+    checked.map(Study::expand)
 }
 
 #[test]

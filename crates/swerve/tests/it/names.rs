@@ -96,6 +96,44 @@ fn unknown_name_is_reported_with_the_nearest() {
 }
 
 #[test]
+fn word_in_the_wrong_place_is_answered_with_the_right_one() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "out/short"]);
+    for (args, says) in [
+        (&["why", "short"][..], "there is no log short; did you mean `out/short`?"),
+        (&["why", "lane"], "there is no log lane; `swerve run lane` records one in a folder below `out`"),
+        (
+            &["replay", "elsewhere"],
+            "there is no log elsewhere; `swerve run SCENARIO` records one in a folder",
+        ),
+        (&["operators", "plannr"], "unknown kind `plannr`; did you mean `planner`?"),
+        (&["run", "short.toml", "--set", "latency=200"], "`planning.added_latency_ms`"),
+        (&["run", "short.toml", "-c", "qqqq"], "; the program has camera_objects, deadlines, "),
+        (&["run", "short.toml", "--planner", "aeb"], "`--set planning.planner=aeb`"),
+    ] {
+        let said = bench.swerve(args);
+        assert!(said.code != Some(0) && said.stderr.contains(says), "{args:?}: {}", said.stderr);
+    }
+}
+
+#[test]
+fn settings_without_an_effect_are_noted() {
+    let bench = Bench::new();
+    bench.write("c.toml", "[operator.detector]\ndelay_ms = 5\n");
+    let sets = ["--set", "operator.detector.runtime.fixed_ms=100"];
+    let said = bench.swerve(&[&["run", "short.toml", "-c", "c.toml", "--out", "o"], &sets[..]].concat());
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let reason =
+        "has no effect: operator `detector` does not run; it runs with `perception.detector = \"NAME\"`";
+    for note in [
+        format!("note: --set: operator.detector.runtime: {reason}"),
+        format!("note: c.toml:2: operator.detector.delay_ms: {reason}"),
+    ] {
+        assert!(said.stderr.contains(&note), "{note}: {}", said.stderr);
+    }
+}
+
+#[test]
 fn scenarios_of_the_folder_and_built_in_ones_are_listed() {
     let bench = Bench::new();
     let shipped = bench.good(&["scenarios"]);
