@@ -22,10 +22,14 @@
 
 mod cubic;
 mod curve;
+pub mod import;
 pub mod links;
 pub mod opendrive;
+pub mod picture;
 pub mod points;
 mod problem;
+pub mod route;
+pub mod summary;
 mod xml;
 
 pub use problem::{PROBLEMS_MAX, Problem, Problems};

@@ -1,4 +1,4 @@
-//! How the ends of linked lanes meet.
+//! Links between lanes, and the gaps between their ends.
 
 use serde_json::{Value, json};
 use swerve_geom::math;

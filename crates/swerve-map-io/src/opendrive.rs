@@ -12,7 +12,7 @@ mod tests;
 use std::collections::BTreeMap;
 
 pub use crate::curve::PieceKind;
-pub use evaluate::{Edge, LaneEdges, Place, Sample, SampleError};
+pub use evaluate::{Edge, LaneEdges, Sample, SampleError, SurfacePoint};
 pub use furniture::{Corner, Object, Outline, Signal, SignalReference, Validity};
 pub use junction::{Connection, Controller, Junction, JunctionKind, LaneLink};
 pub use lane::{Lane, LaneSection, LaneType, RoadMark, Speed};

@@ -22,7 +22,7 @@ pub struct Sample {
 
 /// A place in the ground plane beside a road.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Place {
+pub struct SurfacePoint {
     /// Position in the projected frame, metres: x east, y north, z up.
     pub position_m: [f64; 3],
     /// Heading of the road's reference line, radians; not wrapped.
@@ -217,16 +217,16 @@ impl Road {
 }
 
 impl Network {
-    /// Place at `t_m` metres to the left of a road's reference line at `s_m`, with elevation, superelevation and shape,
+    /// Point at `t_m` metres to the left of a road's reference line at `s_m`, with elevation, superelevation and shape,
     /// and the offset of the header.
-    pub fn place(&self, road: &Road, s_m: f64, t_m: f64) -> Place {
+    pub fn place(&self, road: &Road, s_m: f64, t_m: f64) -> SurfacePoint {
         let pose = road.pose(s_m);
         let [lateral_m, height_m] = road.cross(s_m, t_m);
         let (sin, cos) = math::sin_cos(pose.heading_rad);
         let (x, y) = (pose.x_m - lateral_m * sin, pose.y_m + lateral_m * cos);
         let z = road.elevation.value(s_m) + height_m;
         let reference_heading_rad = pose.heading_rad + self.header.offset[3];
-        Place { position_m: self.projected([x, y, z]), reference_heading_rad }
+        SurfacePoint { position_m: self.projected([x, y, z]), reference_heading_rad }
     }
 
     /// Position in the projected frame (clause 8.5).
@@ -268,7 +268,7 @@ impl Network {
     /// Centre line of a lane with these borders.
     pub(crate) fn sample_at(&self, road: &Road, s_m: f64, edges: LaneEdges) -> Sample {
         let center = edges.center();
-        let Place { position_m, reference_heading_rad } = self.place(road, s_m, center.t_m);
+        let SurfacePoint { position_m, reference_heading_rad } = self.place(road, s_m, center.t_m);
         let (lateral_m, slope) = road.lateral(s_m, center);
         let along = 1.0 - road.pose(s_m).curvature_1pm * lateral_m;
         let turned_rad = if slope == 0.0 && along > 0.0 { 0.0 } else { math::atan2(slope, along) };
