@@ -41,10 +41,27 @@ impl Cubics {
         self.at(s_m)[0]
     }
 
-    /// Begins of the records, metres.
-    pub(crate) fn begins(&self) -> impl Iterator<Item = f64> + '_ {
-        self.0.iter().map(|record| record.s_m)
+    /// Begins of the records within a range, metres.
+    pub(crate) fn begins(&self, range_m: [f64; 2]) -> impl Iterator<Item = f64> + '_ {
+        begins(&self.0, |record| record.s_m, range_m)
     }
+}
+
+/// Begins of sorted records that are within a range, without its ends.
+pub(crate) fn begins<T>(
+    records: &[T],
+    begin: fn(&T) -> f64,
+    [from, to]: [f64; 2],
+) -> impl Iterator<Item = f64> + '_ {
+    let first = records.partition_point(|record| begin(record) <= from);
+    records[first..].iter().map(begin).take_while(move |s_m| *s_m < to)
+}
+
+/// Sorted records that hold somewhere within a range: that at its begin, and those that begin in it.
+pub(crate) fn holding<T>(records: &[T], begin: fn(&T) -> f64, [from, to]: [f64; 2]) -> &[T] {
+    let first = records.partition_point(|record| begin(record) <= from).saturating_sub(1);
+    let last = records.partition_point(|record| begin(record) < to);
+    records.get(first..last).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -62,5 +79,15 @@ mod tests {
         assert_eq!(cubics.at(1.9), [0.0; 3]);
         assert_eq!(cubics.at(3.0), [10.0, 20.0, 30.0]);
         assert_eq!((cubics.value(4.0), cubics.value(6.0)), (8.0, 9.0));
+        assert_eq!(cubics.begins([2.0, 9.0]).collect::<Vec<_>>(), [4.0, 4.0]);
+    }
+
+    #[test]
+    fn records_that_hold_within_a_range_begin_before_its_end() {
+        let held = |from, to| holding(&[0.0, 10.0, 20.0], |s_m| *s_m, [from, to]).to_vec();
+        assert_eq!(held(0.0, 10.0), [0.0]);
+        assert_eq!(held(5.0, 15.0), [0.0, 10.0]);
+        assert_eq!(held(10.0, 99.0), [10.0, 20.0]);
+        assert_eq!(held(-9.0, -5.0), [0.0; 0]);
     }
 }

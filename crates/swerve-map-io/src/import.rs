@@ -6,8 +6,8 @@
 //!
 //! **Resampling** is within lane sections only, never across their borders, where widths may jump. All records of the
 //! section's geometry begin at a vertex. Between them, vertices are as dense as a chord error of [`CHORD_M`] needs, and
-//! at most [`STEP_M`] apart: a millimetre is the gap that lane ends are held to, and two metres bound the stretch on
-//! which a polyline interpolates its heading where a curve begins.
+//! at most [`STEP_M`] apart: a millimetre is the gap that lane ends are held to, and the largest step bounds the
+//! stretch before a curve on which a polyline interpolates heading and curvature.
 
 pub(crate) mod vertices;
 
@@ -23,7 +23,7 @@ use crate::opendrive::{Contact, LaneType, Network, Road};
 pub const CHORD_M: f64 = 1e-3;
 
 /// Largest distance of two vertices along the road, metres.
-pub const STEP_M: f64 = 2.0;
+pub const STEP_M: f64 = 5.0;
 
 /// Largest gap of lane ends that is not listed, metres.
 pub const JOINED_M: f64 = 1e-3;
@@ -31,8 +31,8 @@ pub const JOINED_M: f64 = 1e-3;
 /// Largest gap of lane ends that are joined, metres: the one that [`Map`] accepts.
 const JOINABLE_M: f64 = 0.1;
 
-/// Most vertices of a map.
-const VERTICES_MAX: usize = 20_000_000;
+/// Most vertices of a map, of which one takes about 300 bytes with its index.
+const VERTICES_MAX: usize = 5_000_000;
 
 /// Most lanes that are too short in a row.
 const SHORT_MAX: usize = 64;
@@ -78,8 +78,8 @@ pub struct Gap {
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum ImportError {
     /// The map would take too much memory.
-    #[error("expected a map of at most {VERTICES_MAX} vertices, found {0}")]
-    TooLarge(usize),
+    #[error("expected a map of at most {VERTICES_MAX} vertices; road {0} is beyond them")]
+    TooLarge(String),
     /// A lane is not a line.
     #[error("road {road} section {section} lane {lane}: {error}")]
     Line {
@@ -159,11 +159,14 @@ impl Build {
     ) -> Result<(), ImportError> {
         let section = &road.sections[at];
         let Some(span_m) = road.section_span_m(at) else { return Ok(()) };
-        let kept = section.lanes().filter(|lane| kind_of(&lane.kind).is_some());
         let stations = vertices::stations(road, section, span_m);
-        self.vertices += kept.count() * stations.len();
+        let Some(stations) = stations else { return Err(ImportError::TooLarge(road.id.clone())) };
+        self.vertices += (section.left.len() + section.right.len() + 1) * stations.len();
         if self.vertices > VERTICES_MAX {
-            return Err(ImportError::TooLarge(self.vertices));
+            return Err(ImportError::TooLarge(road.id.clone()));
+        }
+        if section.lanes().all(|lane| kind_of(&lane.kind).is_none()) {
+            return Ok(());
         }
         let strips = vertices::strips(network, road, section, &stations);
         for (lane, strip) in section.left.iter().chain(&section.right).zip(strips) {

@@ -127,7 +127,7 @@ fn beside(
 fn lanes(canvas: &mut Canvas, network: &Network, road: &Road, axes: &Axes) {
     for (index, section) in road.sections.iter().enumerate() {
         let Some(span_m) = road.section_span_m(index) else { continue };
-        let stations = vertices::stations(road, section, span_m);
+        let stations = vertices::stations(road, section, span_m).unwrap_or_default();
         for is_left in [true, false] {
             let count = if is_left { section.left.len() } else { section.right.len() };
             let mut edges = vec![Vec::with_capacity(stations.len()); count];
@@ -157,7 +157,7 @@ fn lanes(canvas: &mut Canvas, network: &Network, road: &Road, axes: &Axes) {
 fn marks(canvas: &mut Canvas, network: &Network, road: &Road, axes: &Axes) {
     for (index, section) in road.sections.iter().enumerate() {
         let Some(span_m) = road.section_span_m(index) else { continue };
-        let stations = vertices::stations(road, section, span_m);
+        let stations = vertices::stations(road, section, span_m).unwrap_or_default();
         let center = stations.iter().map(|s_m| (*s_m, road.lane_offset.value(*s_m))).collect::<Vec<_>>();
         mark(canvas, network, road, axes, (&section.center_marks, &center));
         for is_left in [true, false] {

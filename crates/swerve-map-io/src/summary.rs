@@ -214,7 +214,7 @@ fn extent_m(network: &Network) -> Option<[[f64; 2]; 3]> {
     for road in &network.roads {
         for (index, section) in road.sections.iter().enumerate() {
             let Some(span_m) = road.section_span_m(index) else { continue };
-            for s_m in vertices::stations(road, section, span_m) {
+            for s_m in vertices::stations(road, section, span_m).unwrap_or_default() {
                 for is_left in [true, false] {
                     let Some((_, edges)) = road.edges(section, is_left, s_m).last() else { continue };
                     let at = network.place(road, s_m, edges.outer.t_m).position_m;

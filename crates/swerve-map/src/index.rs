@@ -83,6 +83,8 @@ impl Best {
 struct Grid {
     low: Point2,
     cell_m: f64,
+    /// Cells per metre.
+    per_m: f64,
     columns: usize,
     rows: usize,
 }
@@ -90,18 +92,24 @@ struct Grid {
 impl Grid {
     fn new(low: Point2, high: Point2, cell_m: f64) -> Self {
         let count = |extent_m: f64| (extent_m / cell_m).floor() as usize + 1;
-        Self { low, cell_m, columns: count(high.x_m - low.x_m), rows: count(high.y_m - low.y_m) }
+        Self {
+            low,
+            cell_m,
+            per_m: 1.0 / cell_m,
+            columns: count(high.x_m - low.x_m),
+            rows: count(high.y_m - low.y_m),
+        }
     }
 
     /// Column of a coordinate, the first or last beyond the grid.
     #[inline]
     fn column(&self, x_m: f64) -> usize {
-        (((x_m - self.low.x_m) / self.cell_m).max(0.0) as usize).min(self.columns - 1)
+        (((x_m - self.low.x_m) * self.per_m).max(0.0) as usize).min(self.columns - 1)
     }
 
     #[inline]
     fn row(&self, y_m: f64) -> usize {
-        (((y_m - self.low.y_m) / self.cell_m).max(0.0) as usize).min(self.rows - 1)
+        (((y_m - self.low.y_m) * self.per_m).max(0.0) as usize).min(self.rows - 1)
     }
 
     /// Calls `visit` with each row that a piece passes, and its columns there.
@@ -173,13 +181,14 @@ impl LaneIndex {
     /// As [`nearest`](Self::nearest), for a point near that of the last query: the same answer, sooner.
     pub fn nearest_from(&self, point: Point2, hint: &mut LaneHint) -> Option<LanePlace> {
         let mut best = Best::NONE;
+        let mut read = usize::MAX;
         if let Some(at) = hint.0.map(|at| at as usize).filter(|at| *at < self.pieces.len()) {
             let beside = &self.pieces[at.saturating_sub(1)..(at + 2).min(self.pieces.len())];
             beside.iter().for_each(|piece| best.offer(&piece.entry, point));
         } else {
-            self.around(point, &mut best);
+            read = self.around(point, &mut best);
         }
-        self.within(point, &mut best);
+        self.within(point, read, &mut best);
         let piece = self.pieces.get(best.piece as usize)?;
         *hint = LaneHint(Some(best.piece));
         Some(LanePlace { lane: piece.lane, place: piece.place(point) })
@@ -190,8 +199,9 @@ impl LaneIndex {
         self.entries[range].iter().for_each(|entry| best.offer(entry, point));
     }
 
-    /// Some piece near the point: the nearest of the first ring of cells around it that is not empty.
-    fn around(&self, point: Point2, best: &mut Best) {
+    /// Some piece near the point: the nearest of the first ring of cells around it that is not empty. Returns the cell
+    /// of the point.
+    fn around(&self, point: Point2, best: &mut Best) -> usize {
         let Grid { columns, rows, .. } = self.grid;
         let (column, row) = (self.grid.column(point.x_m), self.grid.row(point.y_m));
         let first = row * columns + column;
@@ -211,10 +221,11 @@ impl LaneIndex {
             }
             ring += 1;
         }
+        first
     }
 
-    /// Nearest piece within the circle to the best one.
-    fn within(&self, point: Point2, best: &mut Best) {
+    /// Nearest piece within the circle to the best one. The cell `read` has been read.
+    fn within(&self, point: Point2, read: usize, best: &mut Best) {
         let circle_m = |best: &Best| best.squared.sqrt() + MARGIN_M;
         let reach_m = circle_m(best);
         let rows = self.grid.row(point.y_m - reach_m)..=self.grid.row(point.y_m + reach_m);
@@ -226,9 +237,14 @@ impl LaneIndex {
             if off_m > reach_m {
                 continue;
             }
-            let first = self.grid.column(point.x_m - half_m);
-            let last = self.grid.column(point.x_m + half_m);
-            self.scan(row * self.grid.columns + first..row * self.grid.columns + last + 1, point, best);
+            let first = row * self.grid.columns + self.grid.column(point.x_m - half_m);
+            let last = row * self.grid.columns + self.grid.column(point.x_m + half_m);
+            if (first..=last).contains(&read) {
+                self.scan(first..read, point, best);
+                self.scan(read + 1..last + 1, point, best);
+            } else {
+                self.scan(first..last + 1, point, best);
+            }
         }
     }
 }

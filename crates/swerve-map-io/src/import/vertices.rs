@@ -3,7 +3,8 @@
 use swerve_geom::{Point2, math};
 use swerve_map::{Border, Borders, Station};
 
-use super::{CHORD_M, STEP_M};
+use super::{CHORD_M, STEP_M, VERTICES_MAX};
+use crate::cubic::begins;
 use crate::opendrive::{LaneEdges, LaneSection, Network, Road};
 
 /// Shortest distance of vertices along the road, metres.
@@ -15,18 +16,19 @@ const INSIDE_M: f64 = 1e-9;
 /// Vertices closer than this are one, metres; as in `Polyline::new`.
 const SAME_M: f64 = 1e-6;
 
-/// Positions along the road at which the lanes of a section have vertices, metres.
-pub(crate) fn stations(road: &Road, section: &LaneSection, [from_m, to_m]: [f64; 2]) -> Vec<f64> {
+/// Positions along the road at which the lanes of a section have vertices, metres; `None` for more than
+/// [`VERTICES_MAX`].
+pub(crate) fn stations(road: &Road, section: &LaneSection, [from_m, to_m]: [f64; 2]) -> Option<Vec<f64>> {
     let (first, last) = (from_m + INSIDE_M, to_m - INSIDE_M);
     if first >= last {
-        return Vec::new();
+        return Some(Vec::new());
     }
-    let mut breaks: Vec<f64> = road.line.0.iter().map(|piece| piece.s_m).collect();
-    breaks.extend(road.lane_offset.begins());
-    breaks.extend(road.superelevation.begins());
-    breaks.extend(road.lateral.shapes.iter().map(|(s_m, _)| *s_m));
-    section.lanes().for_each(|lane| breaks.extend(lane.records().begins()));
-    breaks.retain(|s_m| first < *s_m && *s_m < last);
+    let range_m = [first, last];
+    let mut breaks: Vec<f64> = begins(&road.line.0, |piece| piece.s_m, range_m).collect();
+    breaks.extend(road.lane_offset.begins(range_m));
+    breaks.extend(road.superelevation.begins(range_m));
+    breaks.extend(begins(&road.lateral.shapes, |(s_m, _)| *s_m, range_m));
+    section.lanes().for_each(|lane| breaks.extend(lane.records().begins(range_m)));
     breaks.push(last);
     breaks.sort_by(f64::total_cmp);
     breaks.dedup_by(|b, a| *b - *a < SAME_M);
@@ -35,15 +37,17 @@ pub(crate) fn stations(road: &Road, section: &LaneSection, [from_m, to_m]: [f64;
     for end in breaks {
         // Before the record that begins here, in case it is a step.
         let before = if end < last { end - INSIDE_M } else { end };
-        let steps = ((before - begin) / step_m(road, section, [begin, before])).ceil().max(1.0);
-        let within = (1..=steps as usize).map(|k| begin + (before - begin) * (k as f64 / steps));
-        stations.extend(within);
+        let steps = ((before - begin) / step_m(road, section, [begin, before])).ceil().max(1.0) as usize;
+        if stations.len() + steps > VERTICES_MAX {
+            return None;
+        }
+        stations.extend((1..=steps).map(|k| begin + (before - begin) * (k as f64 / steps as f64)));
         if end < last {
             stations.push(end);
         }
         begin = end;
     }
-    stations
+    Some(stations)
 }
 
 /// Distance of vertices that keeps chords within [`CHORD_M`] of every border.

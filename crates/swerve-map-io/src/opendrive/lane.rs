@@ -1,6 +1,6 @@
 //! Lane sections and lanes (ASAM OpenDRIVE 1.8, chapter 11).
 
-use crate::cubic::Cubics;
+use crate::cubic::{Cubics, holding};
 
 /// A stretch of a road with the same lanes (`<laneSection>`).
 #[derive(Clone, PartialEq, Debug)]
@@ -66,9 +66,8 @@ impl Lane {
 
     /// Lowest speed limit between two positions, m/s; of the lane's own records.
     pub(crate) fn speed_mps(&self, [from, to]: [f64; 2]) -> Option<f64> {
-        let ends = self.speeds.iter().skip(1).map(|next| next.0).chain([f64::INFINITY]);
-        let within = self.speeds.iter().zip(ends).filter(|(one, end)| one.0 < to && *end > from);
-        within.filter_map(|((_, speed), _)| speed.limit_mps).reduce(f64::min)
+        let held = holding(&self.speeds, |one| one.0, [from, to]);
+        held.iter().filter_map(|(_, speed)| speed.limit_mps).reduce(f64::min)
     }
 }
 

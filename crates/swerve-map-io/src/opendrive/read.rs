@@ -15,8 +15,8 @@ use crate::xml::{Element, Reader, optional, parse};
 
 use references::Reference;
 
-/// Revisions that are read.
-const MINOR: [u32; 2] = [4, 8];
+/// Revisions that are read; older ones as the first.
+const MINOR: [i32; 2] = [4, 8];
 
 /// State of the reading of a file.
 #[derive(Default)]
@@ -109,9 +109,9 @@ impl<'a> Reading<'a> {
             Header { name: optional(at, "name"), vendor: optional(at, "vendor"), ..Header::default() };
         if let (Some(major), Some(minor)) = (major, minor) {
             let [low, high] = MINOR;
-            let is_known =
-                major == 1 && u32::try_from(minor).is_ok_and(|minor| (low..=high).contains(&minor));
-            if !is_known {
+            if major == 1 && (0..low).contains(&minor) {
+                self.xml.defect(at, || format!("revision 1.{minor} is read as 1.{low}"));
+            } else if major != 1 || !(low..=high).contains(&minor) {
                 let name = if major == 1 { "revMinor" } else { "revMajor" };
                 self.xml.fault_in(at, name, || {
                     format!("expected a revision from 1.{low} to 1.{high}, found {major}.{minor}")

@@ -1,7 +1,7 @@
 //! Roads (ASAM OpenDRIVE 1.8, chapter 10).
 
 use super::{LaneSection, Object, PieceKind, Signal, SignalReference, Speed};
-use crate::cubic::Cubics;
+use crate::cubic::{Cubics, holding};
 use crate::curve::ReferenceLine;
 
 /// End of a road.
@@ -122,8 +122,7 @@ impl Road {
 
     /// Lowest speed limit between two positions, m/s; of the road's types.
     pub(crate) fn type_speed_mps(&self, [from, to]: [f64; 2]) -> Option<f64> {
-        let ends = self.types.iter().skip(1).map(|next| next.s_m).chain([f64::INFINITY]);
-        let within = self.types.iter().zip(ends).filter(|(one, end)| one.s_m < to && *end > from);
-        within.filter_map(|(one, _)| one.speed?.limit_mps).reduce(f64::min)
+        let held = holding(&self.types, |one| one.s_m, [from, to]);
+        held.iter().filter_map(|one| one.speed?.limit_mps).reduce(f64::min)
     }
 }

@@ -3,3 +3,4 @@
 mod bad;
 mod hand;
 mod published;
+mod second;

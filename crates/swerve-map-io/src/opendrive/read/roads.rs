@@ -280,6 +280,7 @@ impl<'a> Reading<'a> {
         let children = self.xml.geometric(at, &known);
         road.superelevation = self.cubics(&named(&children, "superelevation"), "s", 0.0);
         road.lateral.shapes = self.shapes(&named(&children, "shape"));
+        let mut order = Order::new("s");
         for record in named(&children, "crossfall") {
             let side = match record.attribute("side") {
                 Some(side @ ("left" | "right" | "both")) => side,
@@ -292,6 +293,7 @@ impl<'a> Reading<'a> {
                 }
             };
             let one = self.cubics(&[record], "s", 0.0);
+            one.0.iter().for_each(|one| order.next(self, record, one.s_m));
             for (of, other) in road.lateral.crossfall.iter_mut().zip(["right", "left"]) {
                 if side != other {
                     of.0.extend(&one.0);

@@ -144,6 +144,7 @@ fn faults_have_their_place_and_the_expected_value() {
 #[test]
 fn defects_leave_the_geometry_and_are_listed() {
     for (from, to, told) in [
+        ("revMinor=\"6\"", "revMinor=\"2\"", "m.xodr:2:1: header: revision 1.2 is read as 1.4"),
         (
             "elementId=\"second\"",
             "elementId=\"secnod\"",

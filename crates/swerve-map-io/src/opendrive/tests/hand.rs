@@ -2,7 +2,10 @@
 
 use core::f64::consts::FRAC_PI_2;
 
+use crate::import::import;
+use crate::links::Links;
 use crate::opendrive::{Contact, LaneType, Network, Sample, Target};
+use crate::route;
 
 /// A straight road of 100 m with one lane of 4 m to the right and two to the left, with parts replaced.
 const ROAD: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="7"/>
@@ -21,7 +24,15 @@ fn changed(changes: &[(&str, &str)]) -> Network {
         assert!(text.contains(from), "{from}");
         text.replace(from, to)
     });
-    Network::read("road.xodr", &text).unwrap_or_else(|problems| panic!("{problems}"))
+    let network = Network::read("road.xodr", &text).unwrap_or_else(|problems| panic!("{problems}"));
+    if network.header.offset == [0.0; 4] {
+        let (worst_m, samples) = super::second::worst_m(&network, &text);
+        assert!(
+            samples >= 10 && worst_m.iter().all(|apart| *apart < 5e-4),
+            "{worst_m:?} over {samples}:\n{text}"
+        );
+    }
+    network
 }
 
 /// Checks x, y, z, heading of the reference line, heading of the lane, width.
@@ -229,4 +240,26 @@ fn road_links_and_direct_junctions_are_read() {
         (junction.connections[0].lane_links[0].from, junction.connections[0].lane_links[0].to),
         (1, -1)
     );
+}
+
+#[test]
+fn example_map_has_no_defects_and_its_lanes_meet() {
+    let text = include_str!("../../../maps/crossing.xodr");
+    let network = Network::read("crossing.xodr", text).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(network.defects.count(), 0, "{}", network.defects);
+    assert!(network.unknown.is_empty(), "{:?}", network.unknown);
+    let links = Links::of(&network);
+    assert!(links.widest_m() < 1e-6 && links.dangling.is_empty(), "{}", links.json(&network));
+    assert!(links.all.iter().all(|link| link.height_gap_m < 1e-6), "{}", links.json(&network));
+    let imported = import(&network, &links).unwrap();
+    let stop = |text: &str| route::stop(&network, &imported, text).unwrap();
+    let way = route::find(&imported.map, stop("west:-1:10"), stop("east:-1:30")).unwrap();
+    assert_eq!((way.lanes.len(), way.changes()), (4, 0));
+    // The lane for turning begins in the second lane section; the nearest one to a point on it.
+    let turn = route::find(&imported.map, stop("west:-1:10"), stop("497.5,180")).unwrap();
+    assert_eq!((turn.lanes.len(), turn.changes()), (4, 1));
+    let without_offset = text.replace(r#"<offset x="500" y="200" z="10" hdg="0"/>"#, "");
+    let network = Network::read("crossing.xodr", &without_offset).unwrap();
+    let (worst_m, samples) = super::second::worst_m(&network, &without_offset);
+    assert!(samples > 50 && worst_m.iter().all(|apart| *apart < 1e-3), "{worst_m:?}");
 }

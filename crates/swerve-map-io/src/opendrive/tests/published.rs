@@ -125,3 +125,20 @@ fn all_shared_maps_load_and_their_ends_meet() {
         assert!(links.widest_m() < 1e-3, "{}: {}", path.display(), links.json(&network));
     }
 }
+
+#[test]
+fn second_reader_agrees_on_all_shared_maps() {
+    let Some(folder) = data_or_skip("external") else { return };
+    let mut found = Vec::new();
+    files(&folder, &mut found);
+    for path in found {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let (worst_m, samples) = super::second::worst_m(&network(&path), &text);
+        println!(
+            "{}: {:.2} mm over {samples} samples",
+            path.file_name().unwrap().display(),
+            1e3 * worst_m[0]
+        );
+        assert!(samples > 0 && worst_m[0] < 1e-3, "{}: {worst_m:?}", path.display());
+    }
+}
