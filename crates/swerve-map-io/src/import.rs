@@ -31,8 +31,8 @@ pub const JOINED_M: f64 = 1e-3;
 /// Largest gap of lane ends that are joined, metres: the one that [`Map`] accepts.
 const JOINABLE_M: f64 = 0.1;
 
-/// Most vertices of a map, of which one takes about 300 bytes with its index.
-const VERTICES_MAX: usize = 5_000_000;
+/// Most vertices of a map, of which one takes about 400 bytes with its index and picture.
+const VERTICES_MAX: usize = 3_000_000;
 
 /// Most lanes that are too short in a row.
 const SHORT_MAX: usize = 64;

@@ -64,8 +64,8 @@ pub fn draw(
     }
     connections(&mut canvas, network, imported, &axes);
     furniture(&mut canvas, network, &axes);
-    for (_, lane) in way.map_or(&[][..], |way| &way.lanes) {
-        let points = imported.map.lane(*lane).map_or(&[][..], |lane| lane.line.points());
+    for (way, k) in way.into_iter().flat_map(|way| (0..way.lanes.len()).map(move |k| (way, k))) {
+        let points = way.line(&imported.map, k);
         canvas.path(points.iter().map(|p| axes.at(p.x_m, p.y_m)), false, Style::line(color::PLAN, 3.0));
     }
     canvas.end_clip();

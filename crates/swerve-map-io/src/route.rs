@@ -58,9 +58,29 @@ pub struct Way {
     pub lanes: Vec<(Step, LaneId)>,
     /// Length from start to destination without lane changes, metres.
     pub length_m: f64,
+    /// Place of the start along the first lane, and of the destination along the last one, metres.
+    pub ends_m: [f64; 2],
 }
 
 impl Way {
+    /// Centre line of the `k`-th lane of the route; the first begins at the start, the last ends at the destination.
+    pub fn line(&self, map: &Map, k: usize) -> Vec<Point2> {
+        let Some(lane) = self.lanes.get(k).and_then(|(_, lane)| map.lane(*lane)) else { return Vec::new() };
+        let from_m = if k == 0 { self.ends_m[0] } else { 0.0 };
+        let to_m = if k + 1 == self.lanes.len() { self.ends_m[1] } else { lane.line.length() };
+        let points = lane.line.points();
+        let mut s_m = 0.0;
+        let mut line = vec![lane.line.at(from_m).pose.point()];
+        for two in points.windows(2) {
+            s_m += two[0].distance(two[1]);
+            if from_m < s_m && s_m < to_m {
+                line.push(two[1]);
+            }
+        }
+        line.push(lane.line.at(to_m).pose.point());
+        line
+    }
+
     /// Number of lane changes.
     pub fn changes(&self) -> usize {
         self.lanes.iter().filter(|(step, _)| matches!(step, Step::ChangeLeft | Step::ChangeRight)).count()
@@ -145,7 +165,7 @@ pub fn find(map: &Map, from: Stop, to: Stop) -> Option<Way> {
         node = at.1.from;
     }
     lanes.reverse();
-    let mut way = Way { lanes, length_m: cost_m };
+    let mut way = Way { lanes, length_m: cost_m, ends_m: [from.s_m, to.s_m] };
     way.length_m -= CHANGE_M * way.changes() as f64;
     Some(way)
 }
@@ -237,7 +257,7 @@ pub fn text(network: &Network, imported: &Imported, way: &Way) -> String {
     );
     for (name, (step, lane)) in names(network, imported, way).iter().zip(&way.lanes) {
         let length_m = imported.map.lane(*lane).map_or(0.0, |lane| lane.line.length());
-        out.push_str(&format!("  {:<14}{name:<16}{length_m:>9.1} m\n", step.name()));
+        out.push_str(&format!("  {:<14}{name:<16}{length_m:>9.1} m long\n", step.name()));
     }
     out
 }

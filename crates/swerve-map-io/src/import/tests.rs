@@ -149,4 +149,13 @@ fn lanes_of_a_published_town_form_routes_and_are_found_by_their_points() {
         let found = index.nearest(point).unwrap();
         assert!(found.place.d_m.abs() < 1e-6, "{found:?}");
     }
+    let distance_m = |found: swerve_map::LanePlace, point: Point2| {
+        let line = &map.lane(found.lane).unwrap().line;
+        line.at(found.place.s_m.clamp(0.0, line.length())).pose.point().distance(point)
+    };
+    for k in 0..2000 {
+        let point = Point2::new(f64::from(k * 37 % 500) - 40.0, f64::from(k * 71 % 450) - 40.0);
+        let (all, one) = (map.nearest(point).unwrap(), index.nearest(point).unwrap());
+        assert!((distance_m(all, point) - distance_m(one, point)).abs() < 1e-9, "{point:?}: {all:?} {one:?}");
+    }
 }

@@ -126,13 +126,8 @@ impl<'a> Reading<'a> {
                     text.trim().clone_into(&mut header.geo_reference);
                 }
                 "offset" => {
-                    header.offset = ["x", "y", "z"]
-                        .map(|name| self.xml.number(child, name))
-                        .into_iter()
-                        .chain([self.xml.number_or(child, "hdg", 0.0)])
-                        .collect::<Vec<_>>()
-                        .try_into()
-                        .unwrap_or_default();
+                    let [x, y, z] = ["x", "y", "z"].map(|name| self.xml.number(child, name));
+                    header.offset = [x, y, z, self.xml.number_or(child, "hdg", 0.0)];
                 }
                 _ => {}
             }

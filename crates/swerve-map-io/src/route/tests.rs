@@ -37,6 +37,11 @@ fn route_changes_lanes_only_where_it_must() {
         (along.length_m, along.lanes),
         (140.0, vec![(Step::Begin, LaneId(1)), (Step::Follow, LaneId(3))])
     );
+    let line = way((1, 10.0), (3, 50.0)).unwrap();
+    let ends = [(0, 10.0, 100.0), (1, 100.0, 150.0)];
+    for (k, from, to) in ends {
+        assert_eq!(line.line(&map(), k), [Point2::new(from, 0.0), Point2::new(to, 0.0)]);
+    }
     let across = way((0, 10.0), (2, 50.0)).unwrap();
     assert_eq!((across.length_m, across.changes()), (140.0, 2));
     let steps: Vec<Step> = across.lanes.iter().map(|(step, _)| *step).collect();

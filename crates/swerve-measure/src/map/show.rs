@@ -32,7 +32,7 @@ pub(super) struct ShowArgs {
     #[arg(long, conflicts_with_all = ["json", "route"])]
     links: bool,
     /// Find the way between two places: `road:lane:s`, or `x,y` for the nearest driving lane, metres
-    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], allow_hyphen_values = true)]
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], allow_hyphen_values = true, action = clap::ArgAction::Set)]
     route: Vec<String>,
     /// Fail if the file has defects: links to things that are not there, ends that do not meet, unknown types
     #[arg(long)]

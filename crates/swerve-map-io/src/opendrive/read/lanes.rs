@@ -70,8 +70,7 @@ impl<'a> Reading<'a> {
     }
 
     fn center(&mut self, at: Element<'a>, place: At) -> Vec<RoadMark> {
-        let known =
-            ["link", "roadMark", "width", "border", "speed", "material", "height", "access", "rule", "type"];
+        let known = ["link", "roadMark", "width", "border", "speed", "material", "height", "access", "rule"];
         let children = self.xml.children(at, &known);
         if let Some(id) = self.xml.integer(at, "id").filter(|id| *id != 0) {
             self.xml.fault_in(at, "id", || format!("expected 0 for the centre lane, found {id}"));

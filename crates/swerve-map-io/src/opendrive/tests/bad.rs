@@ -214,6 +214,15 @@ fn all_problems_are_reported_at_once_in_order() {
 }
 
 #[test]
+fn long_and_unprintable_values_are_cut_and_escaped() {
+    let found = problems("length=\"4\"", &format!("length=\"a\tb{}\"", "c".repeat(10_000)));
+    let expected = format!("`length`: expected a number, found \"a b{}…\"", "c".repeat(37));
+    assert!(found.ends_with(&expected), "{found}");
+    let found = problems("id=\"first\"", "id=\"&#x202e;x&#27;\" nothing=\"\"").replace("read\n", "");
+    assert!(!found.contains(['\u{202e}', '\u{1b}']), "{found}");
+}
+
+#[test]
 fn unknown_elements_are_counted() {
     let found =
         TWO_ROADS.replace("<planView>", "<userData code=\"x\"/><trees><tree/></trees><trees/><planView>");
