@@ -243,6 +243,19 @@ fn road_links_and_direct_junctions_are_read() {
 }
 
 #[test]
+fn connections_within_a_road_are_counted_apart() {
+    let junction = r#"<junction id="j" type="virtual" mainRoad="r" sStart="20" sEnd="40">
+<connection id="0" type="virtual" incomingRoad="r" connectingRoad="r" contactPoint="start"><laneLink from="-1" to="1"/></connection>
+<connection id="1" type="virtual"><predecessor elementType="road" elementId="r" elementS="30" elementDir="+"/></connection>
+</junction></OpenDRIVE>"#;
+    let text = ROAD.replace("</OpenDRIVE>", junction);
+    let network = Network::read("m.xodr", &text).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(network.junctions[0].kind.name(), "virtual");
+    let links = Links::of(&network);
+    assert_eq!((links.within_roads, links.dangling.len(), network.defects.count()), (1, 0, 0), "{links:?}");
+}
+
+#[test]
 fn example_map_has_no_defects_and_its_lanes_meet() {
     let text = include_str!("../../../maps/crossing.xodr");
     let network = Network::read("crossing.xodr", text).unwrap_or_else(|problems| panic!("{problems}"));
