@@ -115,7 +115,7 @@ pub fn kind_of(kind: &LaneType) -> Option<LaneKind> {
     })
 }
 
-/// What became of a lane of the network.
+/// Result of the conversion of a lane.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Slot {
     Lane(LaneId),

@@ -26,7 +26,7 @@ pub struct Stop {
     pub s_m: f64,
 }
 
-/// How a lane of a route is reached.
+/// Step of a route to a lane.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Step {
     /// The route begins on it.

@@ -34,7 +34,7 @@ pub(super) fn network(file: &str, text: &str) -> Result<Network, Problems> {
     let mut network = Network::default();
     if root.tag_name().name() == "OpenDRIVE" {
         reading.root(root, &mut network);
-        reading.resolve(&network);
+        references::resolve(&mut reading.xml, std::mem::take(&mut reading.references), &network);
     } else {
         reading.xml.fault(root, || "expected the element `OpenDRIVE`".to_owned());
     }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use super::Reading;
 use crate::opendrive::{Contact, LaneSection, Network, Target};
 use crate::problem::quoted;
 use crate::xml::{Element, Reader};
@@ -53,35 +52,32 @@ struct Known<'n> {
     controllers: BTreeSet<&'n str>,
 }
 
-impl Reading<'_> {
-    /// Notes references to elements that are not there.
-    pub(super) fn resolve(&mut self, network: &Network) {
-        let known = Known {
-            network,
-            junctions: network.junctions.iter().map(|junction| &*junction.id).collect(),
-            signals: network.roads.iter().flat_map(|road| &road.signals).map(|signal| &*signal.id).collect(),
-            controllers: network.controllers.iter().map(|controller| &*controller.id).collect(),
-        };
-        let roads = || network.road_of.keys().map(String::as_str);
-        for Reference { at, attribute, wanted } in std::mem::take(&mut self.references) {
-            let xml = &mut self.xml;
-            match wanted {
-                Wanted::Road(id) if !network.road_of.contains_key(&id) => {
-                    missing(xml, at, attribute, ("road", &id), roads());
-                }
-                Wanted::Junction(id) if !known.junctions.contains(&*id) => {
-                    missing(xml, at, attribute, ("junction", &id), known.junctions.iter().copied());
-                }
-                Wanted::Signal(id) if !known.signals.contains(&*id) => {
-                    missing(xml, at, attribute, ("signal", &id), known.signals.iter().copied());
-                }
-                Wanted::Controller(id) if !known.controllers.contains(&*id) => {
-                    missing(xml, at, attribute, ("controller", &id), known.controllers.iter().copied());
-                }
-                Wanted::LaneBeyond(lane) => lane_beyond(xml, at, &known, lane),
-                Wanted::JunctionLane(lane) => junction_lane(xml, at, &known, lane),
-                _ => {}
+/// Notes references to elements that are not there.
+pub(super) fn resolve(xml: &mut Reader, references: Vec<Reference<'_>>, network: &Network) {
+    let known = Known {
+        network,
+        junctions: network.junctions.iter().map(|junction| &*junction.id).collect(),
+        signals: network.roads.iter().flat_map(|road| &road.signals).map(|signal| &*signal.id).collect(),
+        controllers: network.controllers.iter().map(|controller| &*controller.id).collect(),
+    };
+    let roads = || network.road_of.keys().map(String::as_str);
+    for Reference { at, attribute, wanted } in references {
+        match wanted {
+            Wanted::Road(id) if !network.road_of.contains_key(&id) => {
+                missing(xml, at, attribute, ("road", &id), roads());
             }
+            Wanted::Junction(id) if !known.junctions.contains(&*id) => {
+                missing(xml, at, attribute, ("junction", &id), known.junctions.iter().copied());
+            }
+            Wanted::Signal(id) if !known.signals.contains(&*id) => {
+                missing(xml, at, attribute, ("signal", &id), known.signals.iter().copied());
+            }
+            Wanted::Controller(id) if !known.controllers.contains(&*id) => {
+                missing(xml, at, attribute, ("controller", &id), known.controllers.iter().copied());
+            }
+            Wanted::LaneBeyond(lane) => lane_beyond(xml, at, &known, lane),
+            Wanted::JunctionLane(lane) => junction_lane(xml, at, &known, lane),
+            _ => {}
         }
     }
 }
