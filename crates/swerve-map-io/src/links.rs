@@ -57,13 +57,40 @@ pub struct Link {
     pub width_gap_m: f64,
 }
 
-/// A link of which an end is not there.
+/// A link of which an end is not there, by the identities in the file.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Dangling {
-    /// Statement that links them.
-    pub kind: LinkKind,
-    /// The statement: roads, sections and lanes by identity.
-    pub text: String,
+pub enum Dangling {
+    /// Two lanes.
+    Lanes {
+        /// Statement that links them.
+        kind: LinkKind,
+        /// The lane that the statement is for: road, lane section, lane.
+        from: (String, usize, i32),
+        /// The lane that it names.
+        to: (String, usize, i32),
+    },
+    /// Two roads, of which one is missing or the first does not lead into the junction.
+    Connection {
+        /// The junction.
+        junction: String,
+        /// The incoming road.
+        incoming: String,
+        /// The road that continues it.
+        continuing: String,
+    },
+}
+
+impl Dangling {
+    fn json(&self) -> Value {
+        match self {
+            Self::Lanes { kind, from, to } => {
+                json!([kind.name(), from.0, from.1, from.2, to.0, to.1, to.2])
+            }
+            Self::Connection { junction, incoming, continuing } => {
+                json!([LinkKind::Junction.name(), junction, incoming, continuing])
+            }
+        }
+    }
 }
 
 /// All links of a network.
@@ -103,7 +130,7 @@ impl Links {
                 for &next in &lane.successors {
                     if section < last {
                         let to = LaneEnd { section: section + 1, lane: next, ..at(Contact::Start) };
-                        self.join(network, LinkKind::Section, at(Contact::End), Some(to), next);
+                        self.join(network, LinkKind::Section, at(Contact::End), to);
                     } else {
                         self.beyond(network, road, at(Contact::End), next);
                     }
@@ -116,7 +143,7 @@ impl Links {
                     let other = road.sections[section - 1].lane(before);
                     if other.is_none_or(|other| !other.successors.contains(&lane.id)) {
                         let to = LaneEnd { section: section - 1, lane: before, ..at(Contact::End) };
-                        self.join(network, LinkKind::Section, at(Contact::Start), Some(to), before);
+                        self.join(network, LinkKind::Section, at(Contact::Start), to);
                     }
                 }
             }
@@ -127,15 +154,19 @@ impl Links {
     fn beyond(&mut self, network: &Network, road: &Road, from: LaneEnd, lane: i32) {
         let Some(link) = road.link_at(from.end) else { return };
         let Target::Road(contact) = link.target else { return };
-        let to = network.road_of.get(&link.id).map(|&road| road_end(network, road, contact, lane));
-        self.join(network, LinkKind::Road, from, to, lane);
+        if let Some(&other) = network.road_of.get(&link.id) {
+            self.join(network, LinkKind::Road, from, road_end(network, other, contact, lane));
+        } else {
+            let from = (road.id.clone(), from.section, from.lane);
+            let to = (link.id.clone(), 0, lane);
+            self.dangling.push(Dangling::Lanes { kind: LinkKind::Road, from, to });
+        }
     }
 
-    fn join(&mut self, network: &Network, kind: LinkKind, from: LaneEnd, to: Option<LaneEnd>, lane: i32) {
-        let ends = (end_of(network, from), to.and_then(|to| Some((to, end_of(network, to)?))));
-        let (Some(a), Some((to, b))) = ends else {
-            let text = format!("{} to lane {lane}{}", named(network, from), beside(network, to));
-            self.dangling.push(Dangling { kind, text });
+    fn join(&mut self, network: &Network, kind: LinkKind, from: LaneEnd, to: LaneEnd) {
+        let (Some(a), Some(b)) = (end_of(network, from), end_of(network, to)) else {
+            let lane = |end: LaneEnd| (network.roads[end.road].id.clone(), end.section, end.lane);
+            self.dangling.push(Dangling::Lanes { kind, from: lane(from), to: lane(to) });
             return;
         };
         let gap_m = math::hypot(a.at[0] - b.at[0], a.at[1] - b.at[1]);
@@ -154,14 +185,17 @@ impl Links {
         for junction in &network.junctions {
             for connection in &junction.connections {
                 let road = |id: &str| network.road_of.get(id).copied();
+                let dangling = || Dangling::Connection {
+                    junction: junction.id.clone(),
+                    incoming: connection.incoming.clone(),
+                    continuing: connection.continuing.clone(),
+                };
                 let (Some(a), Some(b)) = (road(&connection.incoming), road(&connection.continuing)) else {
                     if junction.kind == JunctionKind::Virtual {
                         self.within_roads += connection.lane_links.len();
                         continue;
                     }
-                    let (from, to) = (&connection.incoming, &connection.continuing);
-                    let text = format!("junction {}: road {from} to road {to}", junction.id);
-                    self.dangling.push(Dangling { kind: LinkKind::Junction, text });
+                    self.dangling.push(dangling());
                     continue;
                 };
                 let into = |end: &Contact| {
@@ -175,14 +209,10 @@ impl Links {
                     // A road with both ends at the junction: the nearer one.
                     let from = from.min_by(|x, y| gap_m(network, *x, to).total_cmp(&gap_m(network, *y, to)));
                     match from {
-                        Some(from) => self.join(network, LinkKind::Junction, from, Some(to), link.to),
+                        Some(from) => self.join(network, LinkKind::Junction, from, to),
                         None if junction.kind == JunctionKind::Virtual => self.within_roads += 1,
                         None => {
-                            let text = format!(
-                                "junction {}: road {} does not lead there",
-                                junction.id, connection.incoming
-                            );
-                            self.dangling.push(Dangling { kind: LinkKind::Junction, text });
+                            self.dangling.push(dangling());
                         }
                     }
                 }
@@ -214,7 +244,7 @@ impl Links {
         json!({
             "links": gaps.len(),
             "dangling": self.dangling.len(),
-            "dangling_first": self.dangling.iter().take(DANGLING).map(|link| &link.text).collect::<Vec<_>>(),
+            "dangling_first": self.dangling.iter().take(DANGLING).map(Dangling::json).collect::<Vec<_>>(),
             "within_roads": self.within_roads,
             "gap_m": { "p50": share(&sorted, 0.5), "p99": share(&sorted, 0.99), "max": self.widest_m() },
             "over_0_01_m": over(0.01),
@@ -277,9 +307,4 @@ fn gap_m(network: &Network, a: LaneEnd, b: LaneEnd) -> f64 {
 pub(crate) fn named(network: &Network, end: LaneEnd) -> String {
     let at = if end.end == Contact::Start { "start" } else { "end" };
     format!("road {} section {} lane {} at its {at}", network.roads[end.road].id, end.section, end.lane)
-}
-
-fn beside(network: &Network, to: Option<LaneEnd>) -> String {
-    let road = to.and_then(|to| network.roads.get(to.road));
-    road.map_or_else(|| " of a road that is not there".to_owned(), |road| format!(" of road {}", road.id))
 }

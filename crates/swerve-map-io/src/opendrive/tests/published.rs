@@ -78,7 +78,7 @@ fn links_and_gaps_match_the_oracle() {
             serde_json::from_str(&std::fs::read_to_string(expected).unwrap()).unwrap();
         let network = network(&path);
         let found = Links::of(&network).json(&network);
-        for key in ["links", "dangling", "over_0_01_m", "over_0_05_m"] {
+        for key in ["links", "dangling", "dangling_first", "over_0_01_m", "over_0_05_m"] {
             assert_eq!(found[key], expected[key], "{name}: {key}");
         }
         for key in ["p50", "p99", "max"] {
