@@ -253,6 +253,16 @@ impl Reader {
         None
     }
 
+    /// A number that carries no geometry: where it is not one, that is a defect. Empty texts are missing numbers.
+    pub(crate) fn lenient(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
+        let text = of.attribute(name).map(str::trim).filter(|text| !text.is_empty())?;
+        let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && value.abs() <= NUMBER_MAX);
+        if value.is_none() {
+            self.defect(of, || format!("`{name}`: expected a number, found {}", quoted(text)));
+        }
+        value
+    }
+
     /// A required number that is not negative.
     pub(crate) fn distance(&mut self, of: Element<'_>, name: &str) -> f64 {
         let value = self.number(of, name);

@@ -57,19 +57,16 @@ impl<'a> Reading<'a> {
             name: optional(at, "name"),
             s_m: self.xml.number(at, "s"),
             t_m: self.xml.number(at, "t"),
-            z_offset_m: self.xml.number_or(at, "zOffset", 0.0),
+            z_offset_m: self.xml.lenient(at, "zOffset").unwrap_or_default(),
             dynamic: at.attribute("dynamic") == Some("yes"),
             orientation: optional(at, "orientation"),
             country: optional(at, "country"),
             kind: optional(at, "type"),
             subtype: optional(at, "subtype"),
-            value: at
-                .attribute("value")
-                .filter(|text| !text.trim().is_empty())
-                .and_then(|_| self.xml.number_if(at, "value")),
+            value: self.xml.lenient(at, "value"),
             unit: optional(at, "unit"),
-            heading_rad: self.xml.number_or(at, "hOffset", 0.0),
-            size_m: ["width", "height"].map(|name| self.xml.number_or(at, name, 0.0)),
+            heading_rad: self.xml.lenient(at, "hOffset").unwrap_or_default(),
+            size_m: ["width", "height"].map(|name| self.xml.lenient(at, name).unwrap_or_default()),
             validity: self.validity(&named(&children, "validity")),
         }
     }
@@ -124,10 +121,10 @@ impl<'a> Reading<'a> {
         }
         let size_m = match at.has_attribute("radius") {
             true => {
-                let diameter_m = 2.0 * self.xml.number_or(at, "radius", 0.0);
-                [diameter_m, diameter_m, self.xml.number_or(at, "height", 0.0)]
+                let diameter_m = 2.0 * self.xml.lenient(at, "radius").unwrap_or_default();
+                [diameter_m, diameter_m, self.xml.lenient(at, "height").unwrap_or_default()]
             }
-            false => ["length", "width", "height"].map(|name| self.xml.number_or(at, name, 0.0)),
+            false => ["length", "width", "height"].map(|name| self.xml.lenient(at, name).unwrap_or_default()),
         };
         Object {
             id: optional(at, "id"),
@@ -135,8 +132,8 @@ impl<'a> Reading<'a> {
             kind: optional(at, "type"),
             s_m: self.xml.number(at, "s"),
             t_m: self.xml.number(at, "t"),
-            z_offset_m: self.xml.number_or(at, "zOffset", 0.0),
-            heading_rad: self.xml.number_or(at, "hdg", 0.0),
+            z_offset_m: self.xml.lenient(at, "zOffset").unwrap_or_default(),
+            heading_rad: self.xml.lenient(at, "hdg").unwrap_or_default(),
             size_m,
             outlines: outlines.into_iter().map(|outline| self.outline(outline)).collect(),
             repeats: named(&children, "repeat").len(),

@@ -207,7 +207,7 @@ impl<'a> Reading<'a> {
                 s_m: from_m + s_m,
                 kind: optional(record, "type"),
                 color: optional(record, "color"),
-                width_m: self.xml.number_if(record, "width"),
+                width_m: self.xml.lenient(record, "width"),
                 lane_change: optional(record, "laneChange"),
             });
         }

@@ -1,6 +1,7 @@
 //! Roads: links, types, reference line, profiles.
 
 use swerve_geom::math;
+use swerve_text::did_you_mean;
 
 use super::references::Wanted;
 use super::{Order, Reading, Reference, named};
@@ -13,6 +14,9 @@ use crate::xml::{Element, optional};
 
 /// Differences of lengths and positions that are noted, metres.
 const NOTED_M: f64 = 0.01;
+
+/// Units of speed limits.
+const UNITS: [&str; 3] = ["m/s", "km/h", "mph"];
 
 /// Largest curvature of an arc, 1/m.
 const CURVATURE_MAX_1PM: f64 = 1e3;
@@ -108,11 +112,15 @@ impl<'a> Reading<'a> {
         if matches!(at.attribute("max"), Some("no limit" | "undefined")) {
             return Some(Speed { limit_mps: None });
         }
-        let max = self.xml.number(at, "max");
-        let unit = match at.attribute("unit") {
-            None | Some("") => "m/s",
-            Some(_) => self.xml.name(at, "unit", &["m/s", "km/h", "mph"])?,
-        };
+        let max = self.xml.lenient(at, "max")?;
+        let unit = at.attribute("unit").filter(|unit| !unit.is_empty()).unwrap_or("m/s");
+        if !UNITS.contains(&unit) {
+            self.xml.defect(at, || {
+                let hint = did_you_mean(unit, UNITS);
+                format!("`unit`: expected one of {}, found {}{hint}", UNITS.join(", "), quoted(unit))
+            });
+            return None;
+        }
         let mps = match unit {
             "km/h" => max / 3.6,
             "mph" => max * 0.447_04,

@@ -144,6 +144,16 @@ fn faults_have_their_place_and_the_expected_value() {
 #[test]
 fn defects_leave_the_geometry_and_are_listed() {
     for (from, to, told) in [
+        (
+            "<lanes>",
+            "<type s=\"0\" type=\"town\"><speed max=\"50\" unit=\"kmh\"/></type><lanes>",
+            "road first/type/speed: `unit`: expected one of m/s, km/h, mph, found \"kmh\"; did you mean `km/h`?",
+        ),
+        (
+            "<lanes>",
+            "<signals><signal id=\"1\" s=\"0\" t=\"0\" value=\"50 km/h\" width=\"\"/></signals><lanes>",
+            "road first/signals/signal 1: `value`: expected a number, found \"50 km/h\"",
+        ),
         ("revMinor=\"6\"", "revMinor=\"2\"", "m.xodr:2:1: header: revision 1.2 is read as 1.4"),
         (
             "elementId=\"second\"",
