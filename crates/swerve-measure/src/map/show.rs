@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, anyhow, bail};
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
-use swerve_map_io::import::{Imported, import};
+use swerve_map_io::import::{Gap, Imported, import};
 use swerve_map_io::links::Links;
 use swerve_map_io::opendrive::Network;
 use swerve_map_io::route::{self, Way};
@@ -56,7 +56,9 @@ pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
     let loaded = load(args)?;
     let defects = loaded.network.defects.count() + loaded.imported.gaps.len();
     if args.strict && defects > 0 {
-        bail!("{}: expected no defects, found {defects}\n{}", loaded.file, loaded.network.defects);
+        let gap = |gap: &Gap| format!("\n{}: {} are {:.4} m apart", loaded.file, gap.ends, gap.gap_m);
+        let gaps: String = loaded.imported.gaps.iter().map(gap).collect();
+        bail!("{}: expected no defects, found {defects}\n{}{gaps}", loaded.file, loaded.network.defects);
     }
     let way = way(args, &loaded)?;
     let Loaded { file, network, links, imported, .. } = &loaded;
