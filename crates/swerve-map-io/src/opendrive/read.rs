@@ -153,18 +153,28 @@ impl<'a> Reading<'a> {
 struct Order<'n> {
     attribute: &'n str,
     last: Option<f64>,
+    /// True for records of geometry, of which disorder is a fault.
+    is_fault: bool,
 }
 
 impl<'n> Order<'n> {
     fn new(attribute: &'n str) -> Self {
-        Self { attribute, last: None }
+        Self { attribute, last: None, is_fault: true }
+    }
+
+    /// For records without geometry: disorder is a defect, and the caller sorts them.
+    fn lenient(attribute: &'n str) -> Self {
+        Self { is_fault: false, ..Self::new(attribute) }
     }
 
     fn next(&mut self, reading: &mut Reading<'_>, at: Element<'_>, value: f64) {
         if let Some(last) = self.last.filter(|last| value < *last) {
-            reading.xml.fault_in(at, self.attribute, || {
-                format!("expected records in ascending order, found {value} after {last}")
-            });
+            let message = || format!("expected records in ascending order, found {value} after {last}");
+            if self.is_fault {
+                reading.xml.fault_in(at, self.attribute, message);
+            } else {
+                reading.xml.defect(at, || format!("`{}`: {}", self.attribute, message()));
+            }
         }
         self.last = Some(value);
     }

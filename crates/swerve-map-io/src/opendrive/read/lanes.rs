@@ -175,30 +175,32 @@ impl<'a> Reading<'a> {
     }
 
     fn lane_speeds(&mut self, records: &[Element<'a>], from_m: f64) -> Vec<(f64, crate::opendrive::Speed)> {
-        let mut order = Order::new("sOffset");
-        let mut speeds = Vec::new();
+        let mut order = Order::lenient("sOffset");
+        let mut speeds: Vec<(f64, crate::opendrive::Speed)> = Vec::new();
         for &record in records {
             let s_m = self.xml.number(record, "sOffset");
             order.next(self, record, s_m);
             speeds.extend(self.speed(record).map(|speed| (from_m + s_m, speed)));
         }
+        speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         speeds
     }
 
     fn heights(&mut self, records: &[Element<'a>], from_m: f64) -> Vec<(f64, [f64; 2])> {
-        let mut order = Order::new("sOffset");
-        let mut heights = Vec::new();
+        let mut order = Order::lenient("sOffset");
+        let mut heights: Vec<(f64, [f64; 2])> = Vec::new();
         for &record in records {
             let s_m = self.xml.number(record, "sOffset");
             order.next(self, record, s_m);
             heights.push((from_m + s_m, ["inner", "outer"].map(|name| self.xml.number(record, name))));
         }
+        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
         heights
     }
 
     fn marks(&mut self, records: &[Element<'a>], from_m: f64) -> Vec<RoadMark> {
-        let mut order = Order::new("sOffset");
-        let mut marks = Vec::new();
+        let mut order = Order::lenient("sOffset");
+        let mut marks: Vec<RoadMark> = Vec::new();
         for &record in records {
             let s_m = self.xml.number(record, "sOffset");
             order.next(self, record, s_m);
@@ -211,6 +213,7 @@ impl<'a> Reading<'a> {
                 lane_change: optional(record, "laneChange"),
             });
         }
+        marks.sort_by(|a, b| a.s_m.total_cmp(&b.s_m));
         marks
     }
 }

@@ -96,14 +96,15 @@ impl<'a> Reading<'a> {
     }
 
     fn road_types(&mut self, records: &[Element<'a>]) -> Vec<RoadType> {
-        let mut order = Order::new("s");
-        let mut types = Vec::new();
+        let mut order = Order::lenient("s");
+        let mut types: Vec<RoadType> = Vec::new();
         for &record in records {
             let s_m = self.xml.number(record, "s");
             order.next(self, record, s_m);
             let speed = self.xml.children(record, &["speed"]).first().and_then(|&speed| self.speed(speed));
             types.push(RoadType { s_m, name: optional(record, "type"), speed });
         }
+        types.sort_by(|a, b| a.s_m.total_cmp(&b.s_m));
         types
     }
 

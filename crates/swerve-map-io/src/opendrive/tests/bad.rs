@@ -154,6 +154,11 @@ fn defects_leave_the_geometry_and_are_listed() {
             "<signals><signal id=\"1\" s=\"0\" t=\"0\" value=\"50 km/h\" width=\"\"/></signals><lanes>",
             "road first/signals/signal 1: `value`: expected a number, found \"50 km/h\"",
         ),
+        (
+            "<link><successor id=\"-1\"/></link>",
+            "<roadMark sOffset=\"5\" type=\"solid\"/><roadMark sOffset=\"2\" type=\"broken\"/>",
+            "roadMark: `sOffset`: expected records in ascending order, found 2 after 5",
+        ),
         ("revMinor=\"6\"", "revMinor=\"2\"", "m.xodr:2:1: header: revision 1.2 is read as 1.4"),
         (
             "elementId=\"second\"",
