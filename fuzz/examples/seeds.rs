@@ -40,6 +40,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("prediction_weights", "crates/swerve-prediction/weights", "weights"),
         ("lanelets", "crates/swerve-prediction/src/recorded/lanelets", "xml"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
+        ("opendrive", "crates/swerve-map-io/maps", "xodr"),
     ];
     for (target, from, ending) in of {
         for entry in std::fs::read_dir(root.join(from)).with_context(|| from.to_owned())? {

@@ -1,7 +1,9 @@
-//! `swerve map`: voxel maps from simulated or logged drives, and the accuracy of lidar localization on them.
+//! `swerve map`: voxel maps from simulated or logged drives, the accuracy of lidar localization on them, and road
+//! networks.
 
 mod located;
 mod logged;
+mod show;
 mod turns;
 
 use std::path::PathBuf;
@@ -34,6 +36,8 @@ enum What {
     Build(BuildArgs),
     /// Drive a scenario and localize the lidar with a map and without one: errors against the ground truth
     Check(CheckArgs),
+    /// Show a road network: what it contains, its defects, a picture, samples of its lanes, a route
+    Show(show::ShowArgs),
 }
 
 /// Configuration of the drives.
@@ -94,6 +98,7 @@ pub fn run(args: &MapArgs, registry: &Registry) -> anyhow::Result<()> {
     let text = match &args.what {
         What::Build(args) => build(args, registry)?,
         What::Check(args) => check(args, registry)?,
+        What::Show(args) => show::show(args)?,
     };
     swerve_report::output::print(&text)
 }

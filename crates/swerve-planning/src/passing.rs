@@ -51,9 +51,6 @@ const AHEAD_S: f64 = 7.0;
 /// Factor on the longest time over the line for passing vehicles and people at rest.
 const STANDING_SHARE: f64 = 4.0;
 
-/// Road users that reach an ego at rest beyond the line within this time are in its way, seconds.
-const RESTS_S: f64 = 20.0;
-
 /// Time step of the checks, seconds.
 const LOOK_S: f64 = 0.25;
 
@@ -242,9 +239,9 @@ impl<'a> Passing<'a> {
     pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
         let next = LineState { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
         let rests = plan.points.last().is_some_and(|end| end.speed_mps < STANDS_MPS);
-        let (target_mps, horizon_s) = if rests { (0.0, RESTS_S) } else { (self.target_mps, HORIZON_S) };
+        let target_mps = if rests { 0.0 } else { self.target_mps };
         let mut motion = Motion { plan: Some((plan, line)), next, target_mps };
-        let count = (horizon_s / LOOK_S) as usize;
+        let count = (HORIZON_S / LOOK_S) as usize;
         let (mut widest_m, mut was_over) = (f64::NEG_INFINITY, false);
         for k in 0..=count {
             let t_s = k as f64 * LOOK_S;

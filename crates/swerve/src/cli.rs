@@ -57,7 +57,7 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// Evaluate a detector or a tracker against ground truth
     Eval(evaluate::EvalArgs),
-    /// Build a lidar map of a road, and localize a lidar in it
+    /// Build a lidar map of a road, localize a lidar in it, or show a road network (OpenDRIVE)
     Map(map::MapArgs),
     /// Track the detections of a file
     Track(track::TrackArgs),

@@ -50,6 +50,7 @@ fn stream_without_end_is_refused_wherever_one_is_read_whole() {
         "track --tracker sort --out tracks.txt /dev/stdin",
         "eval localization /dev/stdin",
         "map check --map /dev/stdin short.toml",
+        "map show /dev/stdin",
         "run /dev/stdin",
         "run short.toml -c /dev/stdin",
     ] {

@@ -42,6 +42,7 @@ fn pipes_and_devices_are_refused_by_every_reader_without_waiting() {
         "track --tracker sort --out t.txt p",
         "eval localization p",
         "map check --map p short.toml",
+        "map show p",
         "look --signs p.png",
         "look --detector p short.toml",
     ] {

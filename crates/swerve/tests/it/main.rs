@@ -15,6 +15,7 @@ mod interrupt; // Ctrl-C in a study
 mod live; // a third-party car, driven over ROS 2 topics
 mod localization;
 mod look; // objects, lanes, lamps and depth in images; invalid calls
+mod map_show; // road networks of OpenDRIVE files
 mod names; // built-in files by name, and new project folders
 mod orphan; // a vehicle whose program is killed
 mod output; // outputs, and the options that change them

@@ -1,0 +1,36 @@
+//! Maps of other programs: the reader of ASAM OpenDRIVE 1.4 to 1.8.
+//!
+//! [`opendrive::Network`] is a file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
+//! objects. It is evaluated exactly, at a road, lane section, lane and arc length ([`opendrive::Network::sample`]), in
+//! the frame that the header's offset leads to: metres, x east, y north, z up, headings in radians from x towards y.
+//! [`import`](import::import) makes the [`swerve_map::Map`] of it, on the flat projection. [`links`] measures how lane
+//! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] finds lanes from a
+//! place to another.
+//!
+//! **Errors.** All [`Problems`] of a file at once, each with line, column and element. A file with *faults* is not read:
+//! numbers that are missing or not finite, unsorted or duplicate records, lane identities with holes. *Defects* leave the
+//! geometry as it is, so that published files with them are read: links to things that are not there, ends that do not
+//! meet, unknown types. Unknown elements are counted, and refused where they carry geometry. Files are at most 256 MiB
+//! with 20 million nodes, nested 256 deep, roads together at most 2,000 km.
+//!
+//! **Source.** ASAM OpenDRIVE 1.8 and its predecessors; clauses are of 1.8. `swerve_geom::math` gives the same bits on
+//! every machine.
+//!
+//! Excluded: writing, geodesy (`geoReference` is text), OpenCRG and 1.8's surface strips, lane heights (kept, not added
+//! to z), lanes at a place within a road (virtual connections), single-sided lane sections on roads with lanes on both
+//! sides, railways, commands and files other than those passed in as text.
+
+mod cubic;
+mod curve;
+pub mod import;
+pub mod links;
+pub mod opendrive;
+pub mod picture;
+pub mod points;
+mod problem;
+pub mod route;
+pub mod summary;
+mod xml;
+
+pub use problem::{PROBLEMS_MAX, Problem, Problems};
+pub use xml::FILE_MAX;

@@ -1,0 +1,101 @@
+//! `swerve map show`: road networks of OpenDRIVE files.
+
+use crate::support::Bench;
+
+/// Two roads of 50 m, one after the other, with a lane each way; the second turns left by a quarter circle.
+const ROADS: &str = r#"<OpenDRIVE>
+<header revMajor="1" revMinor="6" name="two roads"/>
+<road id="a" length="50" junction="-1">
+<link><successor elementType="road" elementId="b" contactPoint="start"/></link>
+<planView><geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry></planView>
+<lanes><laneSection s="0">
+<left><lane id="1" type="driving"><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></left>
+<center><lane id="0" type="none"><roadMark sOffset="0" type="broken" color="white" width="0.12"/></lane></center>
+<right><lane id="-1" type="driving"><link><successor id="-1"/></link><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></right>
+</laneSection></lanes></road>
+<road id="b" length="50" junction="-1">
+<link><predecessor elementType="road" elementId="a" contactPoint="end"/></link>
+<planView><geometry s="0" x="50" y="0" hdg="0" length="50"><arc curvature="0.0314159265358979"/></geometry></planView>
+<lanes><laneSection s="0">
+<left><lane id="1" type="driving"><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></left>
+<center><lane id="0" type="none"/></center>
+<right><lane id="-1" type="driving"><link><predecessor id="-1"/></link><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></right>
+</laneSection></lanes></road>
+</OpenDRIVE>
+"#;
+
+#[test]
+fn summary_picture_and_route_of_a_network_are_shown() {
+    let bench = Bench::new();
+    bench.write("m.xodr", ROADS);
+    let text = bench.good(&["map", "show", "m.xodr", "--out", "m.svg", "--route", "a:-1:10", "b:-1:25"]);
+    for line in [
+        "m.xodr: OpenDRIVE 1.6, 2 KiB",
+        "roads       2, 0.100 km; 0 in junctions; right-hand traffic",
+        "geometry    1 arc, 1 line",
+        "lanes       4 in 2 lane sections: 4 driving",
+        "links       2, widest gap 0.00 mm; 0 dangling",
+        "defects     0",
+        // 40 m, and half of a quarter circle with a radius of 31.83 + 2 m.
+        "route       66.6 m over 2 lanes, 0 lane changes",
+        "  follow        b:0:-1",
+    ] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
+    }
+    let picture = bench.read("m.svg");
+    assert!(
+        picture.starts_with("<svg") && picture.contains("road b section 0 lane -1: driving"),
+        "{picture}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.xodr", "--json"])).unwrap();
+    assert_eq!((&json["revision"], &json["lanes"]["driving"]), (&"1.6".into(), &4.into()));
+    let links: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.xodr", "--links"])).unwrap();
+    assert_eq!((&links["links"], &links["dangling"]), (&2.into(), &0.into()));
+}
+
+#[test]
+fn lanes_are_sampled_at_the_places_of_a_table() {
+    let bench = Bench::new();
+    bench.write("m.xodr", ROADS);
+    bench.write("p.csv", "lane,s,road,section\n-1,10,a,0\n1,50,b,0\n");
+    let table = bench.good(&["map", "show", "m.xodr", "--sample", "p.csv"]);
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines[0], "road,section,lane,type,s,width,x,y,z,hdg_ref,hdg_lane");
+    assert_eq!(
+        lines[1],
+        "a,0,-1,driving,10,4.0000000,10.0000000,-2.0000000,0.0000000,0.000000000,0.000000000"
+    );
+    // The end of the quarter circle about (50, 31.83), on its inner side.
+    assert!(lines[2].starts_with("b,0,1,driving,50,4.0000000,79.8309886,31.8309886,"), "{table}");
+    bench.write("p.csv", "road,section,lane,s\na,0,-1,10\na,0,-2,10\n");
+    let said = bench.swerve(&["map", "show", "m.xodr", "--sample", "p.csv"]);
+    assert_eq!(said.code, Some(1));
+    assert!(
+        said.stderr.contains("p.csv:3: expected a lane of section 0 of road \"a\", one of 1, -1; found -2"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn all_faults_of_a_network_are_reported_with_their_place() {
+    let bench = Bench::new();
+    bench.write(
+        "m.xodr",
+        &ROADS.replace("length=\"50\"", "length=\"?\"").replace("type=\"driving\"", "type=\"drivng\""),
+    );
+    let said = bench.swerve(&["map", "show", "m.xodr"]);
+    assert_eq!(said.code, Some(1));
+    for told in [
+        "m.xodr:3:14: road a: `length`: expected a number, found \"?\"",
+        "m.xodr:13:48: road b/planView/geometry: `length`: expected a number, found \"?\"",
+        "did you mean `driving`?",
+    ] {
+        assert!(said.stderr.contains(told), "{said:?}\nexpected {told}");
+    }
+    bench.write("m.xodr", &ROADS.replacen("type=\"driving\"", "type=\"drivng\"", 1));
+    assert_eq!(bench.swerve(&["map", "show", "m.xodr"]).code, Some(0));
+    let said = bench.swerve(&["map", "show", "m.xodr", "--strict"]);
+    assert!(said.code == Some(1) && said.stderr.contains("expected no defects, found 1"), "{said:?}");
+}
