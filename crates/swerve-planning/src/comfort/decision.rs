@@ -163,8 +163,7 @@ impl Comfort {
             Some(plan) if self.swings_before_person(scene, &plan) => (Some(plan), None),
             plan => (None, plan),
         };
-        let plan = plan.or_else(|| back.as_ref().and_then(|back| self.come_back(scene, back, &profile)));
-        let plan = plan.or_else(|| back.and_then(|back| self.stop_before_line(scene, &back)));
+        let plan = plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)));
         plan.or_else(|| self.stop_short(scene)).or(swings)
     }
 

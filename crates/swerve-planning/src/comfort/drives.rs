@@ -252,6 +252,13 @@ fn braking_leads_need_no_more_than_the_minimum_deceleration() {
     lead_brakes(&[5.0, 14.0, 30.0], &[1.0, 2.0, 5.0, 8.0], &[0.8, 1.5, 3.0]);
 }
 
+#[test]
+#[ignore = "a minute: the whole table"]
+fn braking_leads_need_no_more_than_the_minimum_deceleration_whole() {
+    let brakes: Vec<f64> = (1..=8).map(f64::from).collect();
+    lead_brakes(&[5.0, 8.0, 11.0, 14.0, 18.0, 22.0, 26.0, 30.0], &brakes, &[0.8, 1.2, 1.5, 2.0, 2.5, 3.0]);
+}
+
 /// Largest deceleration, m/s².
 fn hardest_mps2(drive: &[Instant]) -> f64 {
     drive.iter().map(|i| -i.ego.accel_mps2).fold(0.0, f64::max)
@@ -498,21 +505,5 @@ fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
         // Then the ego continues.
         let last = drive.last().unwrap().ego;
         assert!(last.pose.y_m.abs() < 0.1 && last.speed_mps > 12.5, "{manner:?} {last:?}");
-    }
-}
-
-/// Computes for a minute or more: `.ci/run` runs it beside the tests with the real clock.
-mod long {
-    use super::*;
-
-    #[test]
-    #[ignore = "a minute: the whole table"]
-    fn braking_leads_need_no_more_than_the_minimum_deceleration_whole() {
-        let brakes: Vec<f64> = (1..=8).map(f64::from).collect();
-        lead_brakes(
-            &[5.0, 8.0, 11.0, 14.0, 18.0, 22.0, 26.0, 30.0],
-            &brakes,
-            &[0.8, 1.2, 1.5, 2.0, 2.5, 3.0],
-        );
     }
 }
