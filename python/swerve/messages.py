@@ -101,13 +101,15 @@ class Encoding(str, Enum):
 
 
 class PoseMode(str, Enum):
-    """Usability of a pose for driving; ordered from best to worst."""
+    """Usability of a pose for driving."""
     GOOD = "good"
     """Position measurements arrive and are accepted."""
     COASTING = "coasting"
     """Dead reckoning by inertial measurements and wheel odometry for now."""
     LOST = "lost"
     """Unusable: no pose is reported."""
+    NOISY = "noisy"
+    """Position measurements are accepted, but their noise is measured to be far above the reported one."""
 
 
 class ActorKind(str, Enum):
