@@ -2,6 +2,7 @@
 //! the ego is back.
 
 use swerve_core::{Span, Time};
+use swerve_geom::{Pose2, math};
 use swerve_msg::{ActorKind, EgoState, Plan, Route};
 use swerve_vehicle::Shape;
 
@@ -49,6 +50,12 @@ const AHEAD_S: f64 = 7.0;
 
 /// Factor on the longest time over the line for passing vehicles and people at rest.
 const STANDING_SHARE: f64 = 4.0;
+
+/// With its outline further from the centre of its lane than on the line by this, the ego has begun to pass, metres.
+pub(crate) const MOVES_OUT_M: f64 = 0.3;
+
+/// Road users that reach an ego at rest beyond the line within this time are in its way, seconds.
+const RESTS_S: f64 = 20.0;
 
 /// Time step of the checks, seconds.
 const LOOK_S: f64 = 0.25;
@@ -233,24 +240,54 @@ impl<'a> Passing<'a> {
     }
 
     /// Returns true if a plan that abandons the pass may be driven: all road users in the other lane keep the time to
-    /// collision until it is back in the own lane.
+    /// collision until it is back in the own lane. For an ego that [meets a vehicle](Self::meets_vehicle) the outline
+    /// counts with its heading, as its nose is over the line before its rear axle, and an ego that comes to rest there
+    /// stays.
     pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
         let next = LineState { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
-        let mut motion = Motion { plan: Some((plan, line)), next, target_mps: self.target_mps };
-        let count = (HORIZON_S / LOOK_S) as usize;
-        let mut widest_m = f64::NEG_INFINITY;
+        let meets = self.meets_vehicle(start, line, place);
+        let rests = meets && plan.points.last().is_some_and(|end| end.speed_mps < STANDS_MPS);
+        let (target_mps, horizon_s) = if rests { (0.0, RESTS_S) } else { (self.target_mps, HORIZON_S) };
+        let mut motion = Motion { plan: Some((plan, line)), next, target_mps };
+        let count = (horizon_s / LOOK_S) as usize;
+        let (mut widest_m, mut was_over) = (f64::NEG_INFINITY, !meets);
         for k in 0..=count {
             let t_s = k as f64 * LOOK_S;
-            let at = motion.next(start.stamp + Span::from_secs(t_s));
+            let now = start.stamp + Span::from_secs(t_s);
+            let at = motion.next(now);
+            let pose = plan.at(now.min(plan.end())).map(|p| p.pose).filter(|_| meets);
+            let swing_m = pose.map_or(0.0, |pose| self.nose_m(line, &at, pose));
+            let at = LineState { d_m: at.d_m + swing_m, ..at };
             widest_m = widest_m.max(at.d_m + 0.5 * self.shape.width_m);
             if !self.lane.is_over(at.s_m, at.d_m) {
-                return true;
+                if was_over {
+                    return true;
+                }
+                continue;
             }
+            was_over = true;
             if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
                 return false;
             }
         }
         true
+    }
+
+    /// Returns true if a vehicle is oncoming and the ego has begun to move out.
+    pub(crate) fn meets_vehicle(&self, start: &EgoState, line: &Line, place: &OnLine) -> bool {
+        let at = LineState { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps };
+        let comes = |one: &&Mover| one.is_vehicle() && is_oncoming(one, self.route, self.shape.width_m);
+        place.d_m + self.nose_m(line, &at, start.pose) > MOVES_OUT_M && self.others.iter().any(comes)
+    }
+
+    /// Distance by which the front left corner of the outline at a pose is further left than the left side of an
+    /// outline along the line, metres; at least 0.
+    fn nose_m(&self, line: &Line, at: &LineState, pose: Pose2) -> f64 {
+        let node = line.at(at.s_m);
+        let (sin, cos) = math::sin_cos(pose.heading_rad);
+        let [turn_cos, turn_sin] = [node.cos * cos + node.sin * sin, node.cos * sin - node.sin * cos];
+        let front_m = self.shape.length_m - self.shape.rear_overhang_m;
+        (front_m * turn_sin - 0.5 * self.shape.width_m * (1.0 - turn_cos)).max(0.0)
     }
 
     /// Returns true if the ego is over the line and its rear will not be ahead of all passed road users in a second.

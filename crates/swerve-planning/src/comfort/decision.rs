@@ -19,7 +19,7 @@ use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, Respon
 use crate::fot::line::OnLine;
 use crate::lane::{Lane, back_to_centre, stretch, towards_centre};
 use crate::lock::curvature_max_1pm;
-use crate::passing::{self, Passing};
+use crate::passing::{self, MOVES_OUT_M, Passing};
 use crate::request::{Counted, Request};
 use crate::room::{Room, Wanted};
 use crate::traffic::{Behind, Knot, Mover, Traffic};
@@ -163,7 +163,8 @@ impl Comfort {
             Some(plan) if self.swings_before_person(scene, &plan) => (Some(plan), None),
             plan => (None, plan),
         };
-        let plan = plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)));
+        let plan = plan.or_else(|| back.as_ref().and_then(|back| self.come_back(scene, back, &profile)));
+        let plan = plan.or_else(|| back.and_then(|back| self.stop_before_line(scene, &back)));
         plan.or_else(|| self.stop_short(scene)).or(swings)
     }
 
@@ -451,9 +452,6 @@ const FIRM_SHARE: f64 = 0.75;
 
 /// Fractions of its speed at which the ego passes; the first that leaves a way is used.
 const PASSING_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
-
-/// Further from the centre of its lane than this, the ego has begun to pass, metres.
-const MOVES_OUT_M: f64 = 0.3;
 
 /// Below this speed the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;

@@ -8,7 +8,7 @@ use super::Comfort;
 use super::scene::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
 use crate::following::Step;
 use crate::lane::{Aside, aside, stretch};
-use crate::passing::is_oncoming;
+use crate::passing::{Passing, is_oncoming};
 use crate::request::Request;
 use crate::steady_stop::{self, Demands, JERK_MPS3};
 use crate::traffic::Mover;
@@ -80,6 +80,35 @@ impl Comfort {
             steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
         };
         let plan = if v > SLOW_MPS { stop(&firm) } else { slow.iter().find_map(stop) }?;
+        Some(Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// Stop of an ego that has begun to move out of its lane and meets an oncoming vehicle: the gentlest steady braking
+    /// that leaves it room, or else the hardest.
+    pub(super) fn stop_before_line(&self, scene: &Scene<'_>, back: &Passing<'_>) -> Option<Plan> {
+        let Scene { request, place, .. } = *scene;
+        let is_over = self.lane(request).is_over(place.s_m, place.d_m);
+        if is_over || !back.meets_vehicle(&request.start, self.gentle.line(), &place) {
+            return None;
+        }
+        let request = &Request { limits: scene.vehicle, ..*request };
+        let way = self.way_in_lane(scene);
+        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
+        let demands = Demands {
+            gaps_m: [self.params.clearance_m, clearance_m],
+            clearance_m,
+            hardest: false,
+            jerk_mps3: FIRM_MPS3,
+        };
+        let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
+        let stop = |brake_mps2: f64| {
+            let brake = core::iter::once(brake_mps2);
+            steady_stop::stop(request, &way, self.gentle.obstacles(), brake, (demands, &usable))
+        };
+        let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
+        let mut stops = steps.filter_map(|share| stop(share * scene.vehicle.brake_max_mps2));
+        let leaves_room = |plan: &Plan| back.may_give_up(plan, self.gentle.line(), &request.start, &place);
+        let plan = stops.find(leaves_room).or_else(|| stop(scene.vehicle.brake_max_mps2))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
 

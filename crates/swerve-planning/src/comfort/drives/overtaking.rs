@@ -59,3 +59,30 @@ fn a_person_who_hurries_across_is_stopped_for() {
         assert!(hardest_mps2(&drive) < 6.6, "{manner:?} {}", hardest_mps2(&drive));
     }
 }
+
+/// A car at 8 m/s that a standing vehicle has hidden comes into sight 45 m ahead when the ego's nose is over the line.
+#[test]
+fn ego_that_moves_out_stops_at_once_for_a_car_that_comes_into_sight() {
+    let stands = |_: f64| [13.0, 0.0];
+    let nose_m = |i: &Instant| {
+        let corners = Shape::default().footprint(i.ego.pose).corners();
+        corners.iter().map(|corner| corner.y_m).fold(f64::NEG_INFINITY, f64::max)
+    };
+    for manner in &MANNERS[1..] {
+        let among = |others: &[Script<'_>], until_s: f64| {
+            let others = (ActorKind::Car, others);
+            drive_from(EgoState::default(), 9.0, ([5.25, 1.75], *manner), others, until_s)
+        };
+        let alone = among(&[&stands], 15.0);
+        let out = alone.iter().find(|i| nose_m(i) > 2.0).unwrap();
+        let (seen_s, from_m) = (out.t_s, out.ego.pose.x_m + 45.0);
+        let comes = |t_s: f64| match t_s < seen_s {
+            true => [from_m, 500.0],
+            false => [from_m - 8.0 * (t_s - seen_s), 3.5],
+        };
+        let drive = among(&[&stands, &comes], 25.0);
+        let least_m = drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min);
+        assert!(least_m > 0.1, "{manner:?} {least_m}");
+        assert!(drive.last().unwrap().ego.pose.x_m > 40.0, "{manner:?}: it passes afterwards");
+    }
+}
