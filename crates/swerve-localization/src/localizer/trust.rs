@@ -95,12 +95,12 @@ impl Fold {
         let Judged { stamp, source, up_m, accepted } = *judged;
         let lever_m = lever_m(params, source);
         self.fixes[usize::from(source != Source::Fix)].judge(stamp, accepted);
-        if !accepted {
-            self.repeats.doubt(stamp);
-        }
         if accepted {
             self.confirmed = self.confirmed.saturating_add(1);
-        } else if let Some((aligned, way)) = self.refuted(params, stamp, source) {
+            return;
+        }
+        self.repeats.doubt(stamp);
+        if let Some((aligned, way)) = self.refuted(params, stamp, source) {
             let is_relapse = self.realigned.is_some_and(|before| stamp - before < RELAPSE);
             if !self.is_bridging && (way > 0 || is_relapse) {
                 self.unit.doubt(stamp + RELAPSE);

@@ -170,6 +170,48 @@ fn drive_continues_with_fixes_of_understated_noise() {
     }
 }
 
+/// A lead car that brakes with 5 m/s² in a bend.
+const BRAKES: &str = r#"name = "brakes"
+description = "A lead car brakes in a bend."
+
+[road]
+segments = [{ length_m = 40.0 }, { length_m = 200.0, curvature_1pm = 0.0125 }, { length_m = 100.0 }]
+lane_width_m = 3.5
+left_m = 1.75
+right_m = 1.75
+
+[ego]
+target_speed_mps = 12.0
+end_m = 300.0
+
+[[actor]]
+name = "lead"
+kind = "car"
+s_m = 24.7
+d_m = 0.0
+motion = [{ drive = { along = "road", speeds = [[0.0, 12.0], [6.0, 12.0], [8.4, 0.0]] } }]
+
+[end]
+timeout_s = 20.0
+standstill = { near = "lead", within_m = 14.0, for_s = 2.0 }
+"#;
+
+/// Wheels that repeat their reading from 3 s on while the car brakes behind a lead car are not used: the error stays
+/// that of a sound drive, and the ego stops in its lane.
+#[test]
+fn frozen_wheels_do_not_move_the_pose_of_a_car_that_brakes() {
+    let bench = Bench::new();
+    bench.write("brakes.toml", BRAKES);
+    let fault = r#"fault.frozen={ stream = "odometry", freeze_ms = 60000, from_ms = 3000 }"#;
+    for seed in ["802", "806"] {
+        let run = ["run", "brakes.toml", "-c", "localizer", "--seed", seed, "--set", fault, "--json"];
+        let metrics: Value = serde_json::from_str(&bench.good(&run)).unwrap();
+        let number = |key: &str| metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap();
+        assert_eq!(metrics["verdict"].as_str(), Some("avoided"), "{seed}: {metrics}");
+        assert!(number("max_m") < 0.3 && number("quality/nees") < 6.0, "{seed}: {}", metrics["localization"]);
+    }
+}
+
 /// A lidar that is blind for three seconds is matched to the map again within a second of its first scan.
 #[test]
 fn blind_lidar_is_relocalized_at_the_filters_pose() {
