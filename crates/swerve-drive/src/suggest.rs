@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     /// Message for a command line.
-    fn told(words: &[&str]) -> String {
+    fn message(words: &[&str]) -> String {
         let set = Arg::new("set").long("set").num_args(1);
         let run = Command::new("run").arg(set).arg(Arg::new("scenario"));
         let program = Command::new("swerve").subcommand(run).subcommand(Command::new("check"));
@@ -76,14 +76,14 @@ mod tests {
             &["swerve", "run", "lane", "--planner", "rrt_star"][..],
             &["swerve", "run", "--planner=rrt_star"],
         ] {
-            let told = told(words);
+            let text = message(words);
             assert!(
-                told.contains("`--set planning.planner=rrt_star`") && !told.contains("-- --planner"),
-                "{told}"
+                text.contains("`--set planning.planner=rrt_star`") && !text.contains("-- --planner"),
+                "{text}"
             );
         }
-        assert!(told(&["swerve", "run", "--planner"]).contains("`--set planning.planner=VALUE`"));
+        assert!(message(&["swerve", "run", "--planner"]).contains("`--set planning.planner=VALUE`"));
         let others = [&["swerve", "check", "--planner"][..], &["swerve", "run", "--qqqqq"]];
-        assert!(others.iter().all(|words| !told(words).contains("--set planning")));
+        assert!(others.iter().all(|words| !message(words).contains("--set planning")));
     }
 }
