@@ -11,6 +11,11 @@ use crate::ego::{is_plausible_place, is_plausible_velocity};
 #[serde(transparent)]
 pub struct ActorId(pub u32);
 
+impl ActorId {
+    /// The ego, in a world with one.
+    pub const EGO: Self = Self(0);
+}
+
 /// Kind of an actor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -4,17 +4,18 @@
 //! determined are triggers by the ego or another actor, and motion after a collision: the former count as standing
 //! until triggered, for the latter no pose is returned.
 
-use swerve_core::{Span, Time};
+use std::sync::Arc;
+
+use swerve_core::Time;
 use swerve_geom::Pose2;
+use swerve_msg::ActorId;
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorId, Route};
-use swerve_scenario::{Scenario, Trigger};
+use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
+use swerve_world::{Driver, View};
 
 use crate::SimParams;
-use crate::rules::Rules;
-use crate::script::Script;
-use crate::trigger::Situation;
+use crate::scripted::Scripted;
 
 /// Distance from its scripted pose at which an actor counts as hit, metres.
 const OFF_SCRIPT_M: f64 = 0.05;
@@ -23,8 +24,6 @@ const OFF_SCRIPT_M: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Ahead {
     shape: Shape,
-    route: Route,
-    rules: Rules,
     actors: Vec<Settled>,
     /// Stamp of the newest state observed.
     newest: Option<Time>,
@@ -33,28 +32,20 @@ pub struct Ahead {
 /// Determined motion of one actor.
 #[derive(Clone, Debug)]
 struct Settled {
-    script: Script,
-    trigger: Option<Trigger>,
-    /// Time at which it starts or started.
-    set_off: Option<Time>,
+    id: ActorId,
+    driver: Scripted,
     is_off_script: bool,
 }
 
 impl Ahead {
     /// Creates the predictor before the first step of a scenario, which is taken without further random draws.
     pub fn new(scenario: &Scenario, params: &SimParams) -> Self {
-        let route = scenario.road.route();
-        let settled = |actor: &swerve_scenario::Actor| {
-            let script = Script::new(actor, route.line());
-            let set_off = match actor.trigger {
-                None => script.moves().then_some(Time::ZERO),
-                Some(Trigger::Time { at_s }) => Some(first_step(Span::from_secs(at_s), params.dt)),
-                Some(_) => None,
-            };
-            Settled { script, trigger: actor.trigger, set_off, is_off_script: false }
-        };
-        let actors = scenario.actors.iter().map(settled).collect();
-        Self { shape: params.vehicle.shape, rules: Rules::new(scenario), actors, newest: None, route }
+        let line = Arc::new(scenario.road.line());
+        let driver = |actor| Scripted::new(actor, scenario, &line, params.dt);
+        let settled =
+            |(i, actor)| Settled { id: Scenario::id(i), driver: driver(actor), is_off_script: false };
+        let actors = scenario.actors.iter().enumerate().map(settled).collect();
+        Self { shape: params.vehicle.shape, actors, newest: None }
     }
 
     /// Observes a world state. All steps must be observed in order, or events are detected late. States that are not
@@ -63,53 +54,40 @@ impl Ahead {
         if self.newest.is_some_and(|newest| world.stamp <= newest) {
             return;
         }
-        let center = self.shape.footprint(world.ego.state.pose).center;
-        if self.newest.is_some() {
-            self.rules.follow(&self.route, center.point());
-        }
         self.newest = Some(world.stamp);
-        let pose = |i: usize| world.actors.get(i).map_or_else(Pose2::default, |actor| actor.pose);
-        let ego = (center, self.rules.s_m());
-        let situation = Situation { now: world.stamp, route: &self.route, ego, actor: &pose };
-        for (i, actor) in self.actors.iter_mut().enumerate().take(world.actors.len()) {
-            let scripted = actor.pose(world.stamp, &self.route);
-            actor.is_off_script |= scripted.point().distance(pose(i).point()) > OFF_SCRIPT_M;
-            if actor.set_off.is_none() && situation.meets(actor.trigger, pose(i)) {
-                actor.set_off = Some(world.stamp);
-            }
+        let ego = self.shape.footprint(world.ego.state.pose);
+        for actor in &mut self.actors {
+            let view = View { own: actor.id, world, ego };
+            let Some(seen) = view.actor(actor.id) else { continue };
+            let off_m = actor.pose(world.stamp).point().distance(seen.pose.point());
+            actor.is_off_script |= off_m > OFF_SCRIPT_M;
+            actor.driver.observe(&view);
         }
     }
 
     /// Pose of an actor at an instant, past or future; `None` if unknown.
     pub fn pose(&self, id: ActorId, at: Time) -> Option<Pose2> {
-        let actor = self.actors.get(usize::try_from(id.0).ok()?.checked_sub(1)?)?;
-        (!actor.is_off_script).then(|| actor.pose(at, &self.route))
+        let actor = &self.actors[self.actors.binary_search_by_key(&id, |actor| actor.id).ok()?];
+        (!actor.is_off_script).then(|| actor.pose(at))
     }
 
     /// Poses of all actors with a known pose at an instant.
     pub fn all_at(&self, at: Time) -> impl Iterator<Item = (ActorId, Pose2)> {
-        let ids = (0..self.actors.len()).map(Scenario::id);
-        ids.filter_map(move |id| Some((id, self.pose(id, at)?)))
+        self.actors.iter().filter_map(move |actor| Some((actor.id, self.pose(actor.id, at)?)))
     }
 }
 
 impl Settled {
-    fn pose(&self, at: Time, route: &Route) -> Pose2 {
-        let after = self.set_off.map(|set_off| (at - set_off).as_secs()).filter(|after_s| *after_s >= 0.0);
-        self.script.at(after, route.line()).pose
+    fn pose(&self, at: Time) -> Pose2 {
+        self.driver.at(at, self.driver.sets_off()).pose
     }
-}
-
-/// First simulation step that is not earlier.
-fn first_step(after: Span, dt: Span) -> Time {
-    let steps = after.ns().div_euclid(dt.ns()) + i64::from(after.ns().rem_euclid(dt.ns()) > 0);
-    Time::ZERO + dt * steps.max(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Simulator;
+    use swerve_core::Span;
     use swerve_msg::Command;
 
     /// One actor starts at once, one at 1.003 s, one when the ego is near, one never.
@@ -131,30 +109,30 @@ mod tests {
         let params = SimParams::default();
         let mut simulator = Simulator::exact(scenario.clone(), &params).unwrap();
         let mut ahead = Ahead::new(&scenario, &params);
-        let (mut told, mut set_off) = (Vec::new(), None);
+        let (mut predicted, mut set_off) = (Vec::new(), None);
         for step in 0..800 {
             let world = simulator.state().clone();
             ahead.watch(&world);
             if step % 40 == 0 {
                 let at = world.stamp + Span::from_ms(1200);
-                told.push((world.stamp, at, ahead.all_at(at).collect::<Vec<_>>()));
+                predicted.push((world.stamp, at, ahead.all_at(at).collect::<Vec<_>>()));
             }
-            for (stamp, _, told) in told.iter().filter(|(_, at, _)| *at == world.stamp) {
-                assert_eq!(told.len(), 4);
-                for ((id, pose), actor) in told.iter().zip(&world.actors) {
+            for (stamp, _, poses) in predicted.iter().filter(|(_, at, _)| *at == world.stamp) {
+                assert_eq!(poses.len(), 4);
+                for ((id, pose), actor) in poses.iter().zip(&world.actors) {
                     let off_m = pose.point().distance(actor.pose.point());
                     // The third is not determined before the ego comes near.
                     let settled = id.0 != 3 || set_off.is_some_and(|set_off| set_off <= *stamp);
-                    assert!(off_m < 1e-9 || !settled, "{id:?} told at {stamp}: {off_m} m off");
+                    assert!(off_m < 1e-9 || !settled, "{id:?} predicted at {stamp}: {off_m} m off");
                 }
             }
-            if set_off.is_none() && ahead.actors[2].set_off.is_some() {
+            if set_off.is_none() && ahead.actors[2].driver.sets_off().is_some() {
                 set_off = Some(world.stamp);
             }
             simulator.step(Command::default());
         }
         assert!(set_off.is_some_and(|set_off| set_off > Time::from_ms(200)), "{set_off:?}");
-        assert_eq!(ahead.actors[1].set_off, Some(Time::from_ms(1005)));
+        assert_eq!(ahead.actors[1].driver.sets_off(), Some(Time::from_ms(1005)));
     }
 
     #[test]

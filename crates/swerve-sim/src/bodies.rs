@@ -1,11 +1,10 @@
-//! Actors as rapier bodies: kinematic along their script, dynamic after a collision.
+//! Actors as rapier bodies: kinematic under their driver, dynamic after a collision.
 
 use glam::{Quat, Vec3};
 use rapier3d::prelude::*;
 use swerve_geom::{Pose2, Vector2, math};
 use swerve_msg::{ActorKind, truth};
-
-use crate::script::Moment;
+use swerve_world::Movement;
 
 /// Rigid body of one actor.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +21,8 @@ pub(crate) struct Body {
 pub(crate) enum Mode {
     /// Never moves.
     Fixed,
-    /// Follows its script.
-    Scripted,
+    /// Moved by its driver.
+    Driven,
     /// Moved by physics for this step only, in which a contact may occur.
     Trial,
     /// Moved by physics from now on: it has been hit.
@@ -48,10 +47,10 @@ pub(crate) fn foresee_contacts(world: &mut PhysicsWorld, body: RigidBodyHandle) 
     world.bodies[body].set_soft_ccd_prediction(FORESIGHT_M);
 }
 
-/// A moment of a script, placed on the ground.
+/// A movement on the ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Placed {
-    pub(crate) moment: Moment,
+    pub(crate) movement: Movement,
     /// Height of the ground, metres.
     pub(crate) z_m: f64,
     /// Position along the road, metres.
@@ -78,17 +77,17 @@ impl Body {
             builder.pose(pose3(actor.pose, actor.z_m + half_height_m)).soft_ccd_prediction(FORESIGHT_M),
             collider.mass(mass_kg as f32).friction(FRICTION),
         );
-        Self { handle, collider, half_height_m, mode: if fixed { Mode::Fixed } else { Mode::Scripted } }
+        Self { handle, collider, half_height_m, mode: if fixed { Mode::Fixed } else { Mode::Driven } }
     }
 
-    /// Moves the body to its scripted pose at the end of the coming step.
+    /// Moves the body to its pose at the end of the coming step.
     pub(crate) fn follow(&self, world: &mut PhysicsWorld, next: &Placed) {
         world.bodies[self.handle].set_next_kinematic_position(self.pose(next));
     }
 
     /// Makes the body dynamic for the coming step, at its present pose and velocity.
     pub(crate) fn try_physics(&mut self, world: &mut PhysicsWorld, now: &Placed) {
-        let (pose, velocity_mps) = (self.pose(now), now.moment.velocity_mps);
+        let (pose, velocity_mps) = (self.pose(now), now.movement.velocity_mps);
         let body = &mut world.bodies[self.handle];
         body.set_body_type(RigidBodyType::Dynamic, true);
         body.set_position(pose, true);
@@ -97,18 +96,18 @@ impl Body {
         self.mode = Mode::Trial;
     }
 
-    /// Makes the body kinematic again, at its scripted pose.
+    /// Makes the body kinematic again, at the pose that its driver gives.
     pub(crate) fn restore(&mut self, world: &mut PhysicsWorld, now: &Placed) {
         let pose = self.pose(now);
         let body = &mut world.bodies[self.handle];
         body.set_body_type(RigidBodyType::KinematicPositionBased, true);
         body.set_position(pose, true);
-        self.mode = Mode::Scripted;
+        self.mode = Mode::Driven;
     }
 
     /// Pose of the body's centre for a pose on the ground.
     fn pose(&self, at: &Placed) -> Pose {
-        pose3(at.moment.pose, at.z_m + self.half_height_m)
+        pose3(at.movement.pose, at.z_m + self.half_height_m)
     }
 
     /// Reads pose and velocity of a dynamic body.

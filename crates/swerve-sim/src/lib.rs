@@ -1,6 +1,8 @@
 //! The simulated world: a rapier scene with the ego, scripted actors, collisions, infractions and sensors.
 //!
-//! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step. Sensors ([`sense`]) are
+//! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step: it is a
+//! `swerve_world::World`, and moves each actor by a `swerve_world::Driver`, which follows the script of the scenario.
+//! Sensors ([`sense`]) are
 //! functions of that state. Everything is a function of scenario, parameters and seed: no clock, no thread order, no
 //! unseeded random number.
 //!
@@ -18,9 +20,9 @@ mod contact;
 pub mod ego;
 mod rules;
 mod script;
+mod scripted;
 pub mod sense;
 mod simulator;
-mod trigger;
 
 pub use ahead::Ahead;
 pub use simulator::{SimError, SimParams, Simulator};

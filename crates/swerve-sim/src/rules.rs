@@ -6,11 +6,10 @@ use swerve_msg::Route;
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_scenario::{End, Scenario, Standstill};
 
+use crate::scripted::REACH_M;
+
 /// Speed below which the ego counts as stationary, m/s.
 const STILL_MPS: f64 = 0.05;
-/// Search range around the ego's last position along the road, metres.
-const REACH_M: f64 = 15.0;
-
 /// The rules with their state.
 #[derive(Clone, Debug)]
 pub(crate) struct Rules {
@@ -37,11 +36,6 @@ impl Rules {
     /// Updates the position of the centre of the ego's outline along the road; called once per step, before the others.
     pub(crate) fn follow(&mut self, route: &Route, center: Point2) {
         self.s_m = route.project_near(center, self.s_m, REACH_M).s_m;
-    }
-
-    /// Position of the centre of the ego's outline along the road, metres.
-    pub(crate) fn s_m(&self) -> f64 {
-        self.s_m
     }
 
     /// True if the ego leaves the drivable area in this step, after having been on it.

@@ -1,14 +1,8 @@
 //! Scripted motion in closed form: pose and velocity of an actor at a time since its start.
 
-use swerve_geom::{FrenetPoint, LineTracker, Point2, Polyline, Pose2, Vector2};
+use swerve_geom::{FrenetPoint, LineTracker, Point2, Polyline, Pose2};
 use swerve_scenario::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint};
-
-/// Pose and velocity of an actor at one instant.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Moment {
-    pub(crate) pose: Pose2,
-    pub(crate) velocity_mps: Vector2,
-}
+use swerve_world::Movement;
 
 /// All legs of one actor in sequence, from its start.
 #[derive(Clone, PartialEq, Debug)]
@@ -46,7 +40,7 @@ impl Script {
         for motion in &actor.motion {
             for (course, speeds, lasts_s) in courses(motion, at, place.locate(line, at), line) {
                 let leg = Leg { begins_s, lasts_s, course, speeds };
-                at = leg.moment(lasts_s.min(1e9), line).pose;
+                at = leg.movement(lasts_s.min(1e9), line).pose;
                 begins_s += lasts_s;
                 script.legs.push(leg);
             }
@@ -65,26 +59,27 @@ impl Script {
     }
 
     /// Pose and velocity `after_s` seconds after its start; `None` before the start.
-    pub(crate) fn at(&self, after_s: Option<f64>, line: &Polyline) -> Moment {
-        let standing = |pose| Moment { pose, velocity_mps: Vector2::default() };
-        let (Some(after_s), false) = (after_s, self.legs.is_empty()) else { return standing(self.start) };
+    pub(crate) fn at(&self, after_s: Option<f64>, line: &Polyline) -> Movement {
+        let (Some(after_s), false) = (after_s, self.legs.is_empty()) else {
+            return Movement::at_rest(self.start);
+        };
         let next = self.legs.partition_point(|leg| leg.begins_s <= after_s);
         let leg = &self.legs[next.max(1) - 1];
         let inside_s = after_s - leg.begins_s;
         if inside_s < leg.lasts_s {
-            return leg.moment(inside_s, line);
+            return leg.movement(inside_s, line);
         }
-        standing(leg.moment(leg.lasts_s, line).pose)
+        Movement::at_rest(leg.movement(leg.lasts_s, line).pose)
     }
 }
 
 impl Leg {
-    fn moment(&self, after_s: f64, line: &Polyline) -> Moment {
+    fn movement(&self, after_s: f64, line: &Polyline) -> Movement {
         let way_m = way(&self.speeds, after_s);
         let speed_mps = speed(&self.speeds, after_s);
         match self.course {
             Course::Straight(from) => {
-                Moment { pose: from.ahead(way_m), velocity_mps: from.direction() * speed_mps }
+                Movement { pose: from.ahead(way_m), velocity_mps: from.direction() * speed_mps }
             }
             Course::Road { from, sign, turn_rad } => {
                 let s_m = from.s_m + sign * way_m;
@@ -93,7 +88,7 @@ impl Leg {
                 // The distance is measured along the road's centre line; beside it, in a bend, the ground speed
                 // differs.
                 let ground = sign * speed_mps * (1.0 - on_line.curvature_1pm * from.d_m);
-                Moment {
+                Movement {
                     pose: Pose2::new(place.x_m, place.y_m, on_line.pose.heading_rad + turn_rad),
                     velocity_mps: on_line.pose.direction() * ground,
                 }

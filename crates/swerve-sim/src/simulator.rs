@@ -1,11 +1,14 @@
+use std::sync::Arc;
+
 use glam::Vec3;
 use rapier3d::prelude::{ColliderHandle, PhysicsWorld};
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2, Vector2};
 use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState};
-use swerve_msg::{Command, Route};
+use swerve_msg::{ActorId, Command, Route};
 use swerve_scenario::Scenario;
+use swerve_world::{Driver, Movement, View, World};
 
 use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
@@ -13,8 +16,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::ego::EgoCar;
 use crate::rules::Rules;
-use crate::script::Script;
-use crate::trigger::Situation;
+use crate::scripted::Scripted;
 
 /// Simulation parameters.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -56,14 +58,14 @@ pub struct Simulator {
     actors: Vec<Player>,
     rules: Rules,
     state: WorldState,
+    /// The command in force.
+    command: Command,
 }
 
-/// Body, script and contact of one actor, in addition to its state.
-#[derive(Debug)]
+/// Body, driver and contact of one actor, in addition to its state.
 struct Player {
     body: Body,
-    script: Script,
-    set_off: Option<Time>,
+    driver: Box<dyn Driver>,
     contact: Contact,
     /// Last position along the road, metres.
     s_m: f64,
@@ -148,29 +150,31 @@ impl Simulator {
             actors: Vec::new(),
             rules,
             state,
+            command: Command::default(),
         };
         simulator.populate();
-        simulator.pull_triggers();
+        simulator.show();
         Ok(simulator)
     }
 
     fn populate(&mut self) {
+        let line = Arc::new(self.route.line().clone());
         for (i, actor) in self.scenario.actors.iter().enumerate() {
-            let script = Script::new(actor, self.route.line());
-            let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
+            let driver = Scripted::new(actor, &self.scenario, &line, self.params.dt);
             // An actor that moves from the start has a speed in the first state, too.
-            let moment = script.at(set_off.map(|_| 0.0), self.route.line());
-            let at = self.route.line().project_near(moment.pose.point(), actor.s_m, STEP_MAX_M);
+            let movement = driver.movement(Time::ZERO, Time::ZERO);
+            let movement = movement.unwrap_or_else(|| Movement::at_rest(actor.pose(&line)));
+            let at = line.project_near(movement.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
                 id: Scenario::id(i),
                 kind: actor.kind,
-                pose: moment.pose,
+                pose: movement.pose,
                 z_m: self.scenario.road.ground_m(at.d_m),
                 extent: actor.extent,
-                velocity_mps: moment.velocity_mps,
+                velocity_mps: movement.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            self.actors.push(Player { body, script, set_off, contact: Contact::None, s_m: at.s_m });
+            self.actors.push(Player { body, driver: Box::new(driver), contact: Contact::None, s_m: at.s_m });
             self.state.actors.push(state);
         }
     }
@@ -221,7 +225,7 @@ impl Simulator {
             self.receive(i, &before, &outline);
         }
         self.judge(&outline);
-        self.pull_triggers();
+        self.show();
         &self.state
     }
 
@@ -243,31 +247,34 @@ impl Simulator {
         Before { loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
-    /// Scripted pose of actor `i` at `instant`.
-    fn scripted(&self, i: usize, instant: Time) -> Placed {
-        let player = &self.actors[i];
-        let line = self.route.line();
-        let moment = player.script.at(player.set_off.map(|t| (instant - t).as_secs()), line);
-        let at = line.project_near(moment.pose.point(), player.s_m, STEP_MAX_M);
-        Placed { moment, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
+    /// A movement of actor `i` on the ground.
+    fn placed(&self, i: usize, movement: Movement) -> Placed {
+        let at = self.route.line().project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
+        Placed { movement, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
+    }
+
+    /// Instant before the present step.
+    fn earlier(&self) -> Time {
+        Time::from_ns(self.state.stamp.ns() - self.params.dt.ns())
+    }
+
+    /// Movement of actor `i` at the end of the present step by its driver; `None` at rest.
+    fn driven(&self, i: usize) -> Option<Placed> {
+        let movement = self.actors[i].driver.movement(self.earlier(), self.state.stamp)?;
+        Some(self.placed(i, movement))
     }
 
     /// Prepares actor `i` for the step that ends at the present stamp.
     fn send(&mut self, i: usize, before: &Before) {
-        if self.actors[i].body.mode != Mode::Scripted {
+        if self.actors[i].body.mode != Mode::Driven {
             return;
         }
         if self.may_be_hit(i, before) {
-            let earlier = Time::from_ns(self.state.stamp.ns() - self.params.dt.ns());
-            let now = self.scripted(i, earlier);
+            let now = self.actors[i].driver.movement(self.earlier(), self.earlier());
+            let now = now.unwrap_or_else(|| Movement::at_rest(self.state.actors[i].pose));
+            let now = self.placed(i, now);
             self.actors[i].body.try_physics(&mut self.world, &now);
-            return;
-        }
-        let Some(set_off) = self.actors[i].set_off else { return };
-        let after_s = (self.state.stamp - set_off).as_secs();
-        // One step beyond the end still counts: it brings the body to rest in place.
-        if !self.actors[i].script.is_over(after_s - self.params.dt.as_secs()) {
-            let next = self.scripted(i, self.state.stamp);
+        } else if let Some(next) = self.driven(i) {
             self.actors[i].body.follow(&mut self.world, &next);
         }
     }
@@ -294,7 +301,11 @@ impl Simulator {
         let earlier = self.state.actors[i].clone();
         match self.actors[i].body.mode {
             Mode::Fixed => {}
-            Mode::Scripted => self.follow_script(i),
+            Mode::Driven => {
+                if let Some(now) = self.driven(i) {
+                    self.put(i, now);
+                }
+            }
             Mode::Trial | Mode::Hit => self.actors[i].body.read(&self.world, &mut self.state.actors[i]),
         }
         let touches_ego = self.contact(i, &earlier, before, outline);
@@ -302,24 +313,18 @@ impl Simulator {
             if touches_ego || self.touches_loose(i) {
                 self.actors[i].body.mode = Mode::Hit;
             } else {
-                let now = self.scripted(i, self.state.stamp);
+                let rests = || self.placed(i, Movement::at_rest(earlier.pose));
+                let now = self.driven(i).unwrap_or_else(rests);
                 self.actors[i].body.restore(&mut self.world, &now);
                 self.put(i, now);
             }
         }
     }
 
-    fn follow_script(&mut self, i: usize) {
-        if self.actors[i].set_off.is_some() {
-            let now = self.scripted(i, self.state.stamp);
-            self.put(i, now);
-        }
-    }
-
-    fn put(&mut self, i: usize, Placed { moment, z_m, s_m }: Placed) {
+    fn put(&mut self, i: usize, Placed { movement, z_m, s_m }: Placed) {
         let actor = &mut self.state.actors[i];
         self.actors[i].s_m = s_m;
-        (actor.pose, actor.z_m, actor.velocity_mps) = (moment.pose, z_m, moment.velocity_mps);
+        (actor.pose, actor.z_m, actor.velocity_mps) = (movement.pose, z_m, movement.velocity_mps);
     }
 
     fn touches_loose(&self, i: usize) -> bool {
@@ -384,18 +389,29 @@ impl Simulator {
         self.state.ended = self.state.ended.or(ended);
     }
 
-    /// Starts the actors whose trigger is met by the present state.
-    fn pull_triggers(&mut self) {
-        let met: Vec<bool> = {
-            let poses = |i: usize| self.state.actors[i].pose;
-            let ego = (self.outline().center, self.rules.s_m());
-            let situation = Situation { now: self.state.stamp, route: &self.route, ego, actor: &poses };
-            let meets = |i: usize| situation.meets(self.scenario.actors[i].trigger, poses(i));
-            (0..self.actors.len()).map(|i| self.actors[i].set_off.is_none() && meets(i)).collect()
-        };
-        for (player, _) in self.actors.iter_mut().zip(met).filter(|(_, met)| *met) {
-            player.set_off = Some(self.state.stamp);
+    /// Shows the present state to all drivers.
+    fn show(&mut self) {
+        let ego = self.outline();
+        for (player, actor) in self.actors.iter_mut().zip(&self.state.actors) {
+            player.driver.observe(&View { own: actor.id, world: &self.state, ego });
         }
+    }
+}
+
+impl World for Simulator {
+    fn state(&self) -> &WorldState {
+        &self.state
+    }
+
+    fn advance(&mut self, until: Time, commands: &[(ActorId, Command)]) -> &WorldState {
+        let own = commands.iter().find(|(id, _)| *id == ActorId::EGO);
+        if let Some((_, command)) = own.filter(|(_, command)| command.is_finite()) {
+            self.command = *command;
+        }
+        while self.state.stamp < until {
+            self.step(self.command);
+        }
+        &self.state
     }
 }
 

@@ -1,8 +1,9 @@
 //! The simulated world.
 
+use swerve_core::Span;
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
-use swerve_msg::Command;
 use swerve_msg::truth::WorldState;
+use swerve_msg::{ActorId, Command};
 use swerve_sim::{SimParams, Simulator};
 
 use crate::config::execution::span_of_ms;
@@ -14,7 +15,8 @@ use crate::site::Site;
 /// The simulated world. At its tick `k` it integrates from tick `k - 1` under the command latched there,
 /// publishes the state, then latches the newest command.
 pub(super) struct World {
-    simulator: Simulator,
+    world: Box<dyn swerve_world::World>,
+    dt: Span,
     latched: Command,
     /// Number of steps taken, including the first state.
     steps: usize,
@@ -42,7 +44,7 @@ impl Kind for World {
         let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
         let simulator = Simulator::exact(site.surroundings().scenario.clone(), &params)?;
         let course = site.setup().course.clone();
-        Ok(Self { simulator, latched: Command::default(), steps: 0, course })
+        Ok(Self { world: Box::new(simulator), dt: params.dt, latched: Command::default(), steps: 0, course })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
@@ -56,7 +58,8 @@ impl Operator for World {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if self.steps > 0 {
-            self.simulator.step(self.latched);
+            let until = self.world.state().stamp + self.dt;
+            self.world.advance(until, &[(ActorId::EGO, self.latched)]);
         }
         // Commands that are not finite do not reach the pedals.
         if let Some(command) = input.command.get().filter(|command| command.is_finite()) {
@@ -66,7 +69,7 @@ impl Operator for World {
             self.latched = course.command(self.steps, self.latched);
         }
         self.steps += 1;
-        let state = self.simulator.state();
+        let state = self.world.state();
         if let Some(reason) = state.ended {
             cx.stop_run(format!("{reason:?}").to_lowercase());
         }

@@ -1,0 +1,16 @@
+//! Worlds.
+
+use swerve_core::Time;
+use swerve_msg::truth::WorldState;
+use swerve_msg::{ActorId, Command};
+
+/// A simulated world.
+pub trait World: Send {
+    /// State at the instant that the world has reached.
+    fn state(&self) -> &WorldState;
+
+    /// Advances to the instant `until`, under one command for each ego that has one, and returns the state. An ego
+    /// without a command, or with one that is not finite, keeps its previous command. A world with a fixed step length
+    /// takes as many steps as reach `until`; nothing happens if it is not in the future.
+    fn advance(&mut self, until: Time, commands: &[(ActorId, Command)]) -> &WorldState;
+}
