@@ -20,7 +20,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Detections, Image, Lanes, ObstacleList, Plan, TrafficLights};
+use swerve_msg::{ActorNames, Detections, Image, Lanes, ObstacleList, Plan, TrafficLights};
 use swerve_report::files::{write_png_by, written_by};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
@@ -54,7 +54,7 @@ struct Contents {
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
     /// Names of the actors, in the order of their ids.
-    names: Vec<String>,
+    names: ActorNames,
     /// Latest lane lines of each operator, and the ego pose at that time.
     lanes: BTreeMap<String, (Lanes, Transform<Map, Ego>)>,
     /// Recent ego poses, oldest first.
@@ -206,10 +206,7 @@ impl Frames {
             above,
             next: Time::ZERO,
             count: 0,
-            seen: Contents {
-                names: scenario.actors.iter().map(|actor| actor.name.clone()).collect(),
-                ..Contents::default()
-            },
+            seen: Contents { names: scenario.names(), ..Contents::default() },
             cameras: cameras.collect::<Result<_, _>>()?,
             written: BTreeMap::new(),
             waiting: BTreeMap::new(),

@@ -70,7 +70,7 @@ impl Measured {
         let operators: Vec<String> =
             pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
-        let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
+        let actors = pipeline.scenario.names();
         let route = Some(pipeline.route.clone());
         let lights = light_courses(&pipeline.scenario, pipeline.until);
         let params = swerve_eval::Params {

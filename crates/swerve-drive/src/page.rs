@@ -9,7 +9,7 @@ pub use log::{LogSoFar, given_log, log_of, page_of_log, pair_of_logs};
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
 use swerve_geom::FrenetPoint;
-use swerve_msg::{ActorId, Route};
+use swerve_msg::Route;
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
 use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
@@ -85,9 +85,7 @@ impl RunReport {
         self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
         self.collector.set_lights(lights(&scenario.road, &pipeline.route));
         self.collector.keep_photos(config.log.images != Images::None);
-        // Actor ids follow the order of the scenario, starting at 1.
-        let names = scenario.actors.iter().zip(1..);
-        self.collector.set_names(names.map(|(actor, id)| (ActorId(id), actor.name.clone())));
+        self.collector.set_names(scenario.names());
         set_inputs(&mut self.collector, &pipeline.assembly);
     }
 

@@ -19,7 +19,7 @@ pub fn views_of(config: &Setup, pipeline: &Pipeline) -> foxglove::Setup {
         assembly.image_of(&placed.name).map(|stream| (placed.name.clone(), camera(stream)))
     });
     let (detectors, mounts) = (detectors.collect(), mounts(config, |name| config.runs(name)));
-    let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
+    let actors = Arc::new(pipeline.scenario.names());
     foxglove::Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
 }
 
@@ -49,7 +49,7 @@ fn setup(config: &Config, scenario: &Scenario) -> foxglove::Setup {
             Images::Lossless => Some(ImageForm::Png),
         },
         raw_images: log.images == Images::Lossless,
-        actors: Arc::from([]),
+        actors: Arc::default(),
         ego_from_pose: false,
     }
 }

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{
-    ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus, PoseQuality, Route,
+    ActorId, ActorKind, ActorNames, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus, PoseQuality,
+    Route,
 };
 
 use crate::comfort::{Comfort, ComfortMetrics};
@@ -26,8 +27,8 @@ pub struct Params {
     pub dead_time: Span,
     /// Operator names, in the order of their numbers.
     pub operators: Vec<String>,
-    /// Actor names, in the order of their ids, which start at 1; an actor without a name is called by its number.
-    pub actors: Vec<String>,
+    /// Actor names; an actor without a name is called by its number.
+    pub actors: ActorNames,
     /// Route of the ego, if known.
     pub route: Option<Route>,
     /// Traffic lights along the route.
@@ -237,7 +238,7 @@ pub struct Evaluation {
     gate: GateUse,
     localization: Localization,
     runtimes: RunTimes,
-    names: Vec<String>,
+    names: ActorNames,
 }
 
 impl Evaluation {
@@ -414,8 +415,7 @@ impl Evaluation {
     }
 
     fn name(&self, actor: ActorId) -> String {
-        let place = (actor.0 as usize).checked_sub(1);
-        place.and_then(|place| self.names.get(place)).cloned().unwrap_or_else(|| actor.0.to_string())
+        self.names.get(&actor).cloned().unwrap_or_else(|| actor.0.to_string())
     }
 
     /// True if the acceleration at `stamp` is due to driving and not to a crash.

@@ -9,7 +9,7 @@ use foxglove::messages::{
 use swerve_core::Time;
 use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform, math};
 use swerve_msg::truth::Actor;
-use swerve_msg::{ActorId, Extent, Lanes, Plan, PredictionList, TrackList};
+use swerve_msg::{ActorNames, Extent, Lanes, Plan, PredictionList, TrackList};
 
 use crate::form::{
     EGO, MAP, colour, colour_of, coords, frame_of, name_of, point, rotation, timestamp, upright, vector,
@@ -69,12 +69,12 @@ pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
 }
 
 /// Ground truth of the other road users.
-pub(crate) fn actors(at: Time, actors: &[Actor], names: &[String]) -> SceneUpdate {
+pub(crate) fn actors(at: Time, actors: &[Actor], names: &ActorNames) -> SceneUpdate {
     let of = |actor: &Actor| {
         let body = cube(actor.pose, actor.z_m, actor.extent, colour_of(actor.kind, 200));
         let top_m = actor.z_m + actor.extent.height_m + 0.4;
         let number = || format!("{} {}", name_of(actor.kind), actor.id.0);
-        let words = called(actor.id, names).map_or_else(number, str::to_owned);
+        let words = names.get(&actor.id).cloned().unwrap_or_else(number);
         let texts = vec![text(actor.pose, top_m, words)];
         SceneEntity { cubes: vec![body], texts, ..entity(at, &format!("actor {}", actor.id.0)) }
     };
@@ -214,11 +214,6 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
         4..8 => [at(k, top_m), at(k + 1, top_m)],
         _ => [at(k, 0.0), at(k, top_m)],
     })
-}
-
-/// Name of an actor in the scenario; `names` is in the order of identities, which start at 1.
-pub(crate) fn called(id: ActorId, names: &[String]) -> Option<&str> {
-    (id.0 as usize).checked_sub(1).and_then(|place| names.get(place)).map(String::as_str)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_geom::{Ego, Transform};
-use swerve_msg::Route;
+use swerve_msg::{ActorNames, Route};
 use swerve_vehicle::Shape;
 
 use crate::cloud::Sensor;
@@ -28,8 +28,8 @@ pub struct Setup {
     pub raw_images: bool,
     /// Detectors of boxes in images, and their cameras.
     pub detectors: Vec<(String, String)>,
-    /// Names of the actors in the order of their identities, which start at 1; empty if unknown.
-    pub actors: Arc<[String]>,
+    /// Names of the actors, as far as they are known.
+    pub actors: Arc<ActorNames>,
     /// True to take the ego's pose from localization, for runs without ground truth.
     pub ego_from_pose: bool,
 }

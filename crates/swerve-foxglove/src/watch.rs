@@ -338,7 +338,7 @@ impl Watch {
             let point = obstacle.pose.point() + obstacle.velocity_mps * passed_s;
             let kind = || name_of(obstacle.kind).to_owned();
             Believed {
-                name: scene::called(obstacle.id, &self.setup.actors).map_or_else(kind, str::to_owned),
+                name: self.setup.actors.get(&obstacle.id).cloned().unwrap_or_else(kind),
                 kind: obstacle.kind,
                 pose: Pose2::new(point.x_m, point.y_m, obstacle.pose.heading_rad),
                 extent: obstacle.extent,

@@ -5,7 +5,7 @@ use foxglove::messages::log::Level;
 use swerve_core::Time;
 use swerve_flow::{DropReason, Dropped, Reaction};
 use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
-use swerve_msg::{GateMode, PlanStatus};
+use swerve_msg::{ActorNames, GateMode, PlanStatus};
 
 use crate::form::timestamp;
 
@@ -35,12 +35,16 @@ impl Line {
 }
 
 /// Collisions, infractions and end of the run in a world step.
-pub(crate) fn world((operator, world): (&str, &WorldState), names: &[String], has_ended: bool) -> Vec<Line> {
+pub(crate) fn world(
+    (operator, world): (&str, &WorldState),
+    names: &ActorNames,
+    has_ended: bool,
+) -> Vec<Line> {
     let line = |level, words: String| Line::new(world.stamp, level, operator, words);
     let mut lines = Vec::new();
     for hit in &world.collisions {
         let number = || format!("actor {}", hit.actor.0);
-        let with = crate::scene::called(hit.actor, names).map_or_else(number, str::to_owned);
+        let with = names.get(&hit.actor).cloned().unwrap_or_else(number);
         let words = format!("collision with {with} at {:.1} m/s", hit.ego_speed_mps);
         lines.push(line(Level::Error, words));
     }

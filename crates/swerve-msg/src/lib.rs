@@ -41,8 +41,8 @@ pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use lane::{LaneLine, Lanes};
 pub use localization::{LocalPose, PoseMatch, PoseMode, PoseQuality};
 pub use obstacle::{
-    ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
-    Track, TrackList,
+    ActorId, ActorKind, ActorNames, Extent, Obstacle, ObstacleList, PredictedPose, Prediction,
+    PredictionList, Sighting, Track, TrackList,
 };
 pub use odometry::WheelOdometry;
 pub use packed::{Packable, Packed};

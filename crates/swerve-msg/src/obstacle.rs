@@ -1,5 +1,7 @@
 //! Obstacles, tracks and predictions.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use swerve_core::{Time, unless_default};
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
@@ -15,6 +17,9 @@ impl ActorId {
     /// The ego, in a world with one.
     pub const EGO: Self = Self(0);
 }
+
+/// Names of the actors of a run.
+pub type ActorNames = BTreeMap<ActorId, String>;
 
 /// Kind of an actor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]

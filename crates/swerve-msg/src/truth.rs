@@ -23,6 +23,13 @@ pub struct WorldState {
     pub ended: Option<EndReason>,
 }
 
+impl WorldState {
+    /// The actor with this identity.
+    pub fn actor(&self, id: ActorId) -> Option<&Actor> {
+        self.actors.binary_search_by_key(&id, |actor| actor.id).ok().map(|index| &self.actors[index])
+    }
+}
+
 /// Full state of the ego vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct EgoTruth {
@@ -41,7 +48,7 @@ pub struct EgoTruth {
 /// Another road user or an object.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Actor {
-    /// Identity: its index in the scenario file, from 1.
+    /// Identity in the run.
     pub id: ActorId,
     /// Kind of the actor.
     pub kind: ActorKind,

@@ -150,13 +150,13 @@ fn near(scenario: &Scenario, line: &Polyline, mut pair: impl FnMut(usize, usize)
 }
 
 fn triggers(scenario: &Scenario, found: &mut Vec<(String, String)>) {
-    for (i, actor) in scenario.actors.iter().enumerate() {
+    for actor in &scenario.actors {
         let (part, who) = match actor.trigger {
             Some(Trigger::Distance { to, .. }) => ("distance.to", to),
             Some(Trigger::Reaches { who, .. }) => ("reaches.who", who),
             _ => continue,
         };
-        if who == Subject::Actor(i) {
+        if who == Subject::Actor(actor.id) {
             let key = format!("actor.{}.trigger.{part}", actor.name);
             found.push((key, "an actor cannot wait for itself".to_owned()));
         }

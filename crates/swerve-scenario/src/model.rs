@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
-use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
 use crate::{Expectation, Road, Verdict};
@@ -20,7 +20,7 @@ pub struct Scenario {
     pub ego: EgoStart,
     /// End conditions beside the goal.
     pub end: End,
-    /// Other actors, in file order; the identity of each is its index plus 1.
+    /// Other actors, ordered by identity: in file order.
     pub actors: Vec<Actor>,
     /// Expected results, per pipeline.
     pub expect: Vec<Expectation>,
@@ -69,8 +69,8 @@ pub struct End {
 /// End condition: the ego has been at standstill near an actor for some time.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Standstill {
-    /// Index in [`Scenario::actors`] of the actor that the ego must be near; `None`: anywhere.
-    pub near: Option<usize>,
+    /// Actor that the ego must be near; `None`: anywhere.
+    pub near: Option<ActorId>,
     /// Largest distance between the centres, metres.
     pub within_m: f64,
     /// Minimum duration of the standstill, seconds.
@@ -80,6 +80,8 @@ pub struct Standstill {
 /// Another road user, or an object on or beside the road.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Actor {
+    /// Identity in the run.
+    pub id: ActorId,
     /// Unique name.
     pub name: String,
     /// Kind of road user or object.
@@ -106,8 +108,8 @@ pub struct Actor {
 pub enum Subject {
     /// The ego vehicle.
     Ego,
-    /// An actor, by index in [`Scenario::actors`].
-    Actor(usize),
+    /// An actor.
+    Actor(ActorId),
 }
 
 /// Event that starts an actor's motion; evaluated at every step of the world, on the state of that step.
@@ -255,9 +257,14 @@ impl Scenario {
         self.expect.iter().filter_map(told).collect()
     }
 
-    /// Identity of the actor at `index`.
-    pub fn id(index: usize) -> ActorId {
-        ActorId(u32::try_from(index + 1).unwrap_or(u32::MAX))
+    /// The actor with this identity.
+    pub fn actor(&self, id: ActorId) -> Option<&Actor> {
+        self.actors.binary_search_by_key(&id, |actor| actor.id).ok().map(|index| &self.actors[index])
+    }
+
+    /// Names of the actors.
+    pub fn names(&self) -> ActorNames {
+        self.actors.iter().map(|actor| (actor.id, actor.name.clone())).collect()
     }
 }
 

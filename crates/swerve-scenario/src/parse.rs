@@ -6,6 +6,7 @@ mod expect;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use swerve_msg::ActorId;
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
 use crate::{EgoStart, End, Road, Scenario, Segment, Standstill, TrafficLight, check};
@@ -86,7 +87,9 @@ fn read(top: &TableReader<'_>) -> Scenario {
     }
     let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
     unique(&tables, &names);
-    let actors = tables.iter().zip(&names).map(|(table, name)| actor::read(table, name, &names)).collect();
+    let actors = tables.iter().zip(&names);
+    let actors = (1..).zip(actors).map(|(k, (table, name))| actor::read(table, ActorId(k), name, &names));
+    let actors = actors.collect();
     let end = end(top, &names);
     let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
@@ -193,7 +196,7 @@ fn end(top: &TableReader<'_>, names: &[String]) -> End {
         table.number_or("after_collision_s", end.after_collision_s, Range::between(0.0, 3_600.0));
     if let Some(still) = table.table_if_any("standstill") {
         let near = still.text_if_any("near").and_then(|name| {
-            let found = names.iter().position(|n| *n == name);
+            let found = identity(&name, names);
             if found.is_none() {
                 still.report("near", unknown_actor(&name, names, false));
             }
@@ -221,6 +224,11 @@ fn unique(tables: &[TableReader<'_>], names: &[String]) {
             table.report("name", format!("another actor is named \"{name}\" already"));
         }
     }
+}
+
+/// Identity of the first actor of this name: actors are numbered in file order, from 1.
+fn identity(name: &str, names: &[String]) -> Option<ActorId> {
+    (1..).zip(names).find(|(_, known)| *known == name).map(|(k, _)| ActorId(k))
 }
 
 /// Message for a name that matches no actor.

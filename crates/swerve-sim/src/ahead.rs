@@ -41,10 +41,12 @@ impl Ahead {
     /// Creates the predictor before the first step of a scenario, which is taken without further random draws.
     pub fn new(scenario: &Scenario, params: &SimParams) -> Self {
         let line = Arc::new(scenario.road.line());
-        let driver = |actor| Scripted::new(actor, scenario, &line, params.dt);
-        let settled =
-            |(i, actor)| Settled { id: Scenario::id(i), driver: driver(actor), is_off_script: false };
-        let actors = scenario.actors.iter().enumerate().map(settled).collect();
+        let settled = |actor| Settled {
+            driver: Scripted::new(actor, scenario, &line, params.dt),
+            id: actor.id,
+            is_off_script: false,
+        };
+        let actors = scenario.actors.iter().map(settled).collect();
         Self { shape: params.vehicle.shape, actors, newest: None }
     }
 
@@ -58,7 +60,7 @@ impl Ahead {
         let ego = self.shape.footprint(world.ego.state.pose);
         for actor in &mut self.actors {
             let view = View { own: actor.id, world, ego };
-            let Some(seen) = view.actor(actor.id) else { continue };
+            let Some(seen) = world.actor(actor.id) else { continue };
             let off_m = actor.pose(world.stamp).point().distance(seen.pose.point());
             actor.is_off_script |= off_m > OFF_SCRIPT_M;
             actor.driver.observe(&view);

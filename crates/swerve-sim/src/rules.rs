@@ -3,7 +3,7 @@
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::Route;
-use swerve_msg::truth::{EndReason, WorldState};
+use swerve_msg::truth::{Actor, EndReason, WorldState};
 use swerve_scenario::{End, Scenario, Standstill};
 
 use crate::scripted::REACH_M;
@@ -70,7 +70,8 @@ impl Rules {
 
     fn stands(&mut self, state: &WorldState, center: Point2) -> bool {
         let Some(Standstill { near, within_m, for_s }) = self.end.standstill else { return false };
-        let there = near.is_none_or(|i| state.actors[i].pose.point().distance(center) <= within_m);
+        let is_near = |actor: &Actor| actor.pose.point().distance(center) <= within_m;
+        let there = near.is_none_or(|id| state.actor(id).is_some_and(is_near));
         if !there || state.ego.velocity_mps.norm() > STILL_MPS {
             self.still_since = None;
             return false;

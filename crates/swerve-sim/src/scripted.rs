@@ -73,7 +73,7 @@ impl Driver for Scripted {
         if matches!(trigger, Trigger::Reaches { who: Subject::Ego, .. }) && view.now() > Time::ZERO {
             self.ego_m = self.line.project_near(view.ego.center.point(), self.ego_m, REACH_M).s_m;
         }
-        let Some(own) = view.actor(view.own) else { return };
+        let Some(own) = view.world.actor(view.own) else { return };
         if self.is_met(trigger, view, own.pose) {
             self.set_off = Some(view.now());
         }
@@ -90,7 +90,7 @@ impl Driver for Scripted {
 fn center(who: Subject, view: &View<'_>) -> Option<Point2> {
     match who {
         Subject::Ego => Some(view.ego.center.point()),
-        Subject::Actor(index) => view.actor(Scenario::id(index)).map(|actor| actor.pose.point()),
+        Subject::Actor(id) => view.world.actor(id).map(|actor| actor.pose.point()),
     }
 }
 

@@ -159,14 +159,14 @@ impl Simulator {
 
     fn populate(&mut self) {
         let line = Arc::new(self.route.line().clone());
-        for (i, actor) in self.scenario.actors.iter().enumerate() {
+        for actor in &self.scenario.actors {
             let driver = Scripted::new(actor, &self.scenario, &line, self.params.dt);
             // An actor that moves from the start has a speed in the first state, too.
             let movement = driver.movement(Time::ZERO, Time::ZERO);
             let movement = movement.unwrap_or_else(|| Movement::at_rest(actor.pose(&line)));
             let at = line.project_near(movement.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
-                id: Scenario::id(i),
+                id: actor.id,
                 kind: actor.kind,
                 pose: movement.pose,
                 z_m: self.scenario.road.ground_m(at.d_m),
@@ -177,6 +177,19 @@ impl Simulator {
             self.actors.push(Player { body, driver: Box::new(driver), contact: Contact::None, s_m: at.s_m });
             self.state.actors.push(state);
         }
+    }
+
+    /// Gives an actor another driver, in place of the script of the scenario, before the first step; the driver observes
+    /// the state at instant 0. Returns false, and changes nothing, if there is no such actor or it never moves
+    /// (`static`).
+    pub fn set_driver(&mut self, id: ActorId, mut driver: Box<dyn Driver>) -> bool {
+        let Ok(i) = self.state.actors.binary_search_by_key(&id, |actor| actor.id) else { return false };
+        if self.actors[i].body.mode != Mode::Driven {
+            return false;
+        }
+        driver.observe(&View { own: id, world: &self.state, ego: self.outline() });
+        self.actors[i].driver = driver;
+        true
     }
 
     /// Scenario of the run, with the draws of the seed.

@@ -1,5 +1,6 @@
 //! The simulated world against closed forms.
 
+mod drivers;
 mod scenarios;
 
 use swerve_core::{Span, Time, digest_of};

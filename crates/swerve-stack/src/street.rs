@@ -8,12 +8,13 @@ mod scenery;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
-use swerve_msg::{ActorKind, Signal};
+use swerve_msg::{ActorId, ActorKind, Signal};
 use swerve_scenario::{PAVEMENT_M, Scenario, TrafficLight};
 use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
@@ -34,7 +35,7 @@ pub struct Street {
     /// Shared with renderers of earlier states.
     scene: Arc<Scene>,
     /// Random bits of each actor's look, and its start position.
-    actors: Vec<(u64, Point2)>,
+    actors: BTreeMap<ActorId, (u64, Point2)>,
     ego: Model,
     /// Traffic lights with their lamps off, and the signals that switch them.
     lights: Vec<(Instance, TrafficLight)>,
@@ -49,13 +50,12 @@ impl Street {
     pub fn new(scenario: &Scenario, ego: &Shape, weather: WeatherPreset, seed: u64) -> Self {
         let mut scene = Scene::new(weather);
         let line = scenario.road.line();
-        let looks = |k: usize| Rng::keyed(seed, "look", &[k as i64]).bits();
-        let actors: Vec<_> =
-            scenario.actors.iter().enumerate().map(|(k, a)| (looks(k + 1), a.pose(&line).point())).collect();
+        let look = |id: ActorId| Rng::keyed(seed, "look", &[i64::from(id.0)]).bits();
+        let actors = scenario.actors.iter().map(|a| (a.id, (look(a.id), a.pose(&line).point()))).collect();
         road(&mut scene, scenario, &line, seed);
         scenery::add(&mut scene, scenario, &line, seed);
         let size = Size::from_m(ego.length_m, ego.width_m, ego.height_m);
-        let model = scene.meshes.model_sized(Kind::Sedan, size, looks(0));
+        let model = scene.meshes.model_sized(Kind::Sedan, size, look(ActorId::EGO));
         let fixed_lights = scene.lights.len();
         let lights = traffic_lights(&mut scene, scenario, &line);
         let scene = Arc::new(scene);
@@ -92,8 +92,7 @@ impl Street {
             scene.dynamics.push(Instance { look: light.look.with_lamp(lamp, true), ..*light });
         }
         for actor in &world.actors {
-            let index = (actor.id.0 as usize).wrapping_sub(1);
-            put(scene, actor, self.actors.get(index).copied().unwrap_or((0, actor.pose.point())));
+            put(scene, actor, self.actors.get(&actor.id).copied().unwrap_or((0, actor.pose.point())));
         }
     }
 }

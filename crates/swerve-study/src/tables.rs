@@ -62,7 +62,7 @@ pub struct Timely {
     pub over: Option<String>,
     /// Number of pedestrians on the pavements, drawn by the cell's seed.
     #[serde(default = "Timely::walkers")]
-    pub walkers: usize,
+    pub walkers: u32,
     /// Length of the straight road, metres.
     #[serde(default = "Timely::length_m")]
     pub length_m: f64,
@@ -101,7 +101,7 @@ pub enum Measure {
 const TIMES_MAX: usize = 200;
 
 impl Timely {
-    fn walkers() -> usize {
+    fn walkers() -> u32 {
         91
     }
 
@@ -139,7 +139,7 @@ impl Timely {
             }
         }
         let ranges = [
-            ("walkers", self.walkers as f64, [0.0, 1000.0]),
+            ("walkers", f64::from(self.walkers), [0.0, 1000.0]),
             ("length_m", self.length_m, [20.0, 5000.0]),
             ("judge_ms", self.judge_ms, [1.0, 10_000.0]),
             ("within_m", self.within_m, [1.0, 1000.0]),

@@ -183,24 +183,22 @@ impl Logged {
     pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
-        let ids: Vec<ActorId> = (1..).map(ActorId).take(pipeline.scenario.actors.len()).collect();
+        let of_name = |name: &str| pipeline.scenario.actors.iter().find(|actor| actor.name == name);
         let named = match actor {
             None => None,
-            Some(name) => {
-                Some(names().position(|known| known == name).map(|k| ids[k]).with_context(|| {
-                    if ids.is_empty() {
-                        return format!("--actor {name}: there is no actor in the scenario");
-                    }
-                    let known = names().collect::<Vec<_>>().join(", ");
-                    format!("--actor {name}: expected one of {known}{}", did_you_mean(name, names()))
-                })?)
-            }
+            Some(name) => Some(of_name(name).map(|actor| actor.id).with_context(|| {
+                if pipeline.scenario.actors.is_empty() {
+                    return format!("--actor {name}: there is no actor in the scenario");
+                }
+                let known = names().collect::<Vec<_>>().join(", ");
+                format!("--actor {name}: expected one of {known}{}", did_you_mean(name, names()))
+            })?),
         };
         let mut evaluation = swerve_eval::Evaluation::new(swerve_eval::Params {
             ego: outline(&pipeline.vehicle.shape),
             dead_time: Span::ZERO,
             operators: Vec::new(),
-            actors: names().map(str::to_owned).collect(),
+            actors: pipeline.scenario.names(),
             route: Some(pipeline.route.clone()),
             lights: light_courses(&pipeline.scenario, pipeline.until),
             norm: norm(&pipeline),
@@ -256,7 +254,7 @@ impl Logged {
 
     /// Causal chain of one actor.
     fn chain(&self, pipeline: Pipeline, ending: Ending) -> anyhow::Result<Why> {
-        let name = pipeline.scenario.actors.get(ending.actor.0 as usize - 1);
+        let name = pipeline.scenario.actor(ending.actor);
         let name = name.map_or_else(|| ending.actor.0.to_string(), |actor| actor.name.clone());
         let (mut steps, until) = self.steps(pipeline, ending.actor, ending.impact)?;
         // The steps are in order of time.

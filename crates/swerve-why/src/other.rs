@@ -277,7 +277,7 @@ mod tests {
             ego,
             dead_time: Span::ZERO,
             operators: Vec::new(),
-            actors: Vec::new(),
+            actors: swerve_msg::ActorNames::new(),
             route: None,
             lights: Vec::new(),
             norm: swerve_eval::Norm::default(),

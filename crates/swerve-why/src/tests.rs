@@ -40,7 +40,7 @@ fn measured(of: impl Fn(&mut Metrics)) -> Metrics {
         ego: swerve_eval::Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 1.5 },
         dead_time: Span::ZERO,
         operators: Vec::new(),
-        actors: vec!["lead".into()],
+        actors: [(ActorId(1), "lead".into())].into(),
         route: None,
         lights: Vec::new(),
         norm: swerve_eval::Norm::default(),

@@ -3,7 +3,7 @@
 use swerve_core::Time;
 use swerve_geom::{Obb, Pose2, Vector2};
 use swerve_msg::ActorId;
-use swerve_msg::truth::{Actor, WorldState};
+use swerve_msg::truth::WorldState;
 
 /// Pose and velocity of a road user.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -36,12 +36,6 @@ impl View<'_> {
     /// Instant of the state.
     pub fn now(&self) -> Time {
         self.world.stamp
-    }
-
-    /// A road user; `None` if the world has no such.
-    pub fn actor(&self, id: ActorId) -> Option<&Actor> {
-        let actors = &self.world.actors;
-        actors.binary_search_by_key(&id, |actor| actor.id).ok().map(|index| &actors[index])
     }
 }
 

@@ -14,7 +14,9 @@ use swerve_camera::{Camera, Frame};
 use swerve_core::Time;
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorKind, Detections, Lanes, Obstacle, ObstacleList, Plan, Signal, TrafficLights};
+use swerve_msg::{
+    ActorKind, ActorNames, Detections, Lanes, Obstacle, ObstacleList, Plan, Signal, TrafficLights,
+};
 
 use super::overlay::Sheet;
 
@@ -67,9 +69,8 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Draws the obstacle sensor's report as boxes with name and distance. `names` holds the actors' names in the order
-    /// of their ids, which start at 1.
-    pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState, names: &[String]) {
+    /// Draws the obstacle sensor's report as boxes with name and distance.
+    pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState, names: &ActorNames) {
         for obstacle in &list.obstacles {
             let colour = if obstacle.kind == ActorKind::Pedestrian { PERSON } else { BOX };
             let corners = corners(obstacle);
@@ -80,8 +81,8 @@ impl<'a> Canvas<'a> {
                 self.segment(corners[k], corners[4 + k], (colour, 2));
             }
             let ego = world.ego.state.pose.point();
-            let name = (obstacle.id.0 as usize).checked_sub(1).and_then(|place| names.get(place));
-            let name = name.cloned().unwrap_or_else(|| format!("{:?}", obstacle.kind).to_lowercase());
+            let name = names.get(&obstacle.id).cloned();
+            let name = name.unwrap_or_else(|| format!("{:?}", obstacle.kind).to_lowercase());
             let words = format!("{name} {:.0} m", ego.distance(obstacle.pose.point()));
             let top = [obstacle.pose.x_m, obstacle.pose.y_m, obstacle.extent.height_m + 0.25];
             if let Some([x, y]) = self.pixel(top) {

@@ -8,7 +8,7 @@ fn evaluation() -> Evaluation {
         ego: Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 },
         dead_time: Span::ZERO,
         operators: vec!["planner".into()],
-        actors: vec!["parked truck".into(), "person".into()],
+        actors: [(ActorId(1), "parked truck".into()), (ActorId(2), "person".into())].into(),
         route: None,
         lights: Vec::new(),
         norm: Norm::default(),

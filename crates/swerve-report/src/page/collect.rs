@@ -8,7 +8,7 @@ use swerve_eval::{Localization, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{FrenetPoint, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList};
+use swerve_msg::{ActorNames, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList};
 
 use super::bound::Fill;
 use super::picture::photo;
@@ -44,7 +44,7 @@ pub struct Message<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Collector {
     page: RunPage,
-    names: BTreeMap<ActorId, String>,
+    names: ActorNames,
     operators: BTreeMap<String, usize>,
     streams: BTreeMap<String, usize>,
     /// Stream shown for each message type. A second stream of the type, such as one with injected faults, is not shown.
@@ -97,8 +97,8 @@ impl Collector {
     }
 
     /// Sets the names of the actors.
-    pub fn set_names(&mut self, names: impl IntoIterator<Item = (ActorId, String)>) {
-        self.names = names.into_iter().collect();
+    pub fn set_names(&mut self, names: ActorNames) {
+        self.names = names;
     }
 
     /// Adds an operator with its inputs. Operators are shown in the order of these calls.

@@ -1,7 +1,7 @@
-use swerve_msg::{ActorKind, Extent};
+use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_text::{Range, TableReader};
 
-use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, unknown_actor};
+use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, identity, unknown_actor};
 use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
 
 /// Kind, name in files, default size (length, width, height in metres) and mass (kg).
@@ -14,12 +14,13 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
 ];
 
-/// Reads one actor; `names` are those of all actors, to resolve references.
-pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Actor {
+/// Reads the actor of this identity; `names` are those of all actors, to resolve references.
+pub(super) fn read(table: &TableReader<'_>, id: ActorId, name: &str, names: &[String]) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
     let actor = Actor {
+        id,
         name: name.to_owned(),
         kind,
         extent: extent(table, known.map(|_| kind), size),
@@ -84,8 +85,8 @@ fn subject(table: &TableReader<'_>, key: &'static str, names: &[String]) -> Subj
     match table.text_if_any(key).as_deref() {
         None | Some("ego") => Subject::Ego,
         Some(name) => {
-            if let Some(index) = names.iter().position(|n| n == name) {
-                return Subject::Actor(index);
+            if let Some(id) = identity(name, names) {
+                return Subject::Actor(id);
             }
             table.report(key, unknown_actor(name, names, true));
             Subject::Ego

@@ -1,3 +1,5 @@
+use swerve_msg::ActorId;
+
 use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trigger, Verdict};
 
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
@@ -70,11 +72,14 @@ impact_speed_mps = { min = 2.0, max = 8.0 }
 #[test]
 fn parser_reads_all_forms() {
     let scenario = Scenario::parse("full.toml", FULL).unwrap_or_else(|problems| panic!("{problems:#?}"));
-    assert_eq!(scenario.actors[1].trigger, Some(Trigger::Reaches { who: Subject::Actor(0), s_m: 44.0 }));
+    assert_eq!(
+        scenario.actors[1].trigger,
+        Some(Trigger::Reaches { who: Subject::Actor(ActorId(1)), s_m: 44.0 })
+    );
     let Motion::Drive { speeds, distance_m: None, .. } = &scenario.actors[0].motion[0] else { panic!() };
     assert_eq!(speeds[1], SpeedPoint { at_s: 4.0, speed_mps: 0.0 });
     assert_eq!(scenario.actors[0].motion.len(), 3);
-    assert_eq!(scenario.end.standstill.unwrap().near, Some(0));
+    assert_eq!(scenario.end.standstill.unwrap().near, Some(ActorId(1)));
     assert_eq!(scenario.expectation("slow").unwrap().verdict, Verdict::Collision);
     assert_eq!(scenario.expectation("fast").unwrap().verdict, Verdict::Avoided);
     assert_eq!(scenario.ego.target_speed_mps, 10.0, "a whole number is a number");

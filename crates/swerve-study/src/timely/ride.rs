@@ -9,7 +9,7 @@ use swerve_core::{Rng, Time};
 use swerve_geom::{Ego, Point, Point2, Pose2, Transform, Vector};
 use swerve_measure::labels::{VISIBLE_SHARE_MIN, street_mask_of, true_box};
 use swerve_msg::truth::{EgoTruth, Surroundings, WorldState};
-use swerve_msg::{ActorKind, Command, DetectedBox, Detections, Extent, Image};
+use swerve_msg::{ActorId, ActorKind, Command, DetectedBox, Detections, Extent, Image};
 use swerve_perception::Detector;
 use swerve_perception::camera::CameraDetector;
 use swerve_perception::camera::Shot;
@@ -47,13 +47,14 @@ pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario
     (ego.s_m, ego.d_m, ego.heading_rad, ego.start_speed_mps) = (0.0, 0.0, 0.0, Some(0.0));
     ego.end_m = timely.length_m;
     let (left_m, right_m) = (straight.road.left_m, straight.road.right_m);
-    let person = |k: usize| {
-        let mut rng = Rng::keyed(seed, "walker", &[k as i64]);
+    let person = |k: u32| {
+        let mut rng = Rng::keyed(seed, "walker", &[i64::from(k)]);
         let s_m = rng.uniform(0.0, timely.length_m);
         let beyond_m = rng.uniform(FROM_EDGE_M, PAVEMENT_M - FROM_EDGE_M);
         let d_m = if rng.below(2) == 0 { left_m + beyond_m } else { -right_m - beyond_m };
         let direction = if rng.below(2) == 0 { Direction::Ahead } else { Direction::Back };
         Actor {
+            id: ActorId(k + 1),
             name: format!("walker {}", k + 1),
             kind: ActorKind::Pedestrian,
             extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
