@@ -9,12 +9,16 @@
 //! at most [`STEP_M`] apart: a millimetre is the gap that lane ends are held to, and the largest step bounds the
 //! stretch before a curve on which a polyline interpolates heading and curvature.
 
+mod junctions;
+mod objects;
+mod places;
+mod signals;
 pub(crate) mod vertices;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_geom::{Polyline, PolylineError};
-use swerve_map::{LaneId, LaneKind, Map, MapError, Neighbour};
+use swerve_map::{Features, LaneId, LaneKind, Map, MapError, Neighbour};
 
 use crate::links::{LaneEnd, Links, named};
 use crate::opendrive::{Contact, LaneType, Network, Road};
@@ -33,6 +37,9 @@ const JOINABLE_M: f64 = 0.1;
 
 /// Most vertices of a map, of which one takes about 400 bytes with its index and picture.
 const VERTICES_MAX: usize = 3_000_000;
+
+/// Most references to lanes from junctions, signals and objects together.
+const REFERENCES_MAX: usize = 2_000_000;
 
 /// Most lanes that are too short in a row.
 const SHORT_MAX: usize = 64;
@@ -80,6 +87,9 @@ pub enum ImportError {
     /// The map would take too much memory.
     #[error("expected a map of at most {VERTICES_MAX} vertices; road {0} is beyond them")]
     TooLarge(String),
+    /// The elements beside the lanes would take too much memory.
+    #[error("expected at most {REFERENCES_MAX} references to lanes from junctions, signals and objects")]
+    TooManyReferences,
     /// A lane is not a line.
     #[error("road {road} section {section} lane {lane}: {error}")]
     Line {
@@ -137,7 +147,9 @@ pub fn import(network: &Network, links: &Links) -> Result<Imported, ImportError>
     }
     build.neighbours(network);
     build.successors(network, links);
-    Ok(Imported { map: Map::new(build.lanes)?, lanes: build.sources, gaps: build.gaps })
+    let features = build.features(network)?;
+    let map = Map::with_features(build.lanes, features)?;
+    Ok(Imported { map, lanes: build.sources, gaps: build.gaps })
 }
 
 #[derive(Default)]
@@ -193,6 +205,15 @@ impl Build {
             });
         }
         Ok(())
+    }
+
+    /// Elements beside the lanes, once the lanes have their successors.
+    fn features(&self, network: &Network) -> Result<Features, ImportError> {
+        let places = places::Places::new(network, self);
+        let junctions = junctions::junctions(&places)?;
+        let (signals, stop_lines) = signals::signals(&places)?;
+        let (crossings, areas) = objects::objects(&places)?;
+        Ok(Features { junctions, signals, stop_lines, crossings, areas })
     }
 
     fn lane_at(&self, key: Key) -> Option<LaneId> {
