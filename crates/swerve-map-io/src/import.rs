@@ -2,7 +2,8 @@
 //!
 //! Every lane of every lane section whose type has a [`LaneKind`] is a lane of the map, in its direction of travel.
 //! Lanes of types without one (medians, borders, kerbs, rails, `none`) are left out; so are lanes shorter than a
-//! micrometre, whose neighbours along the road are joined with each other.
+//! micrometre, whose neighbours along the road are joined with each other. Junctions, traffic lights, stop lines,
+//! crossings and areas refer to these lanes.
 //!
 //! **Resampling** is within lane sections only, never across their borders, where widths may jump. All records of the
 //! section's geometry begin at a vertex. Between them, vertices are as dense as a chord error of [`CHORD_M`] needs, and
@@ -286,5 +287,7 @@ fn leaves(network: &Network, end: LaneEnd) -> bool {
     network.roads[end.road].runs_forward(end.lane) == (end.end == Contact::End)
 }
 
+#[cfg(test)]
+mod published;
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,7 @@
 
 mod cubic;
 mod curve;
+mod features;
 pub mod import;
 pub mod links;
 pub mod opendrive;
