@@ -31,6 +31,7 @@ pub mod points;
 mod problem;
 pub mod route;
 pub mod summary;
+pub mod sumo;
 mod xml;
 
 pub use problem::{PROBLEMS_MAX, Problem, Problems};

@@ -14,12 +14,12 @@ pub struct StopLine {
     /// Signals that apply to it, ordered by identity.
     #[serde(default)]
     pub signals: Vec<SignalId>,
-    /// Sign that applies to it.
+    /// Sign or rule that applies without signals, or while they are off.
     #[serde(default)]
     pub sign: Option<StopSign>,
 }
 
-/// Sign at a stop line.
+/// Sign or rule of a stop line.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopSign {
