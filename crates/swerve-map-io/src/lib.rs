@@ -20,16 +20,24 @@
 //! to z), lanes at a place within a road (virtual connections), single-sided lane sections on roads with lanes on both
 //! sides, railways, commands and files other than those passed in as text.
 
+pub mod commonroad;
+mod content;
 mod cubic;
 mod curve;
+mod draft;
 mod features;
+pub mod format;
 pub mod import;
+mod joints;
+pub mod lane_map;
 pub mod links;
 pub mod opendrive;
+pub mod overview;
 pub mod picture;
 pub mod points;
 mod problem;
 pub mod route;
+mod strip;
 pub mod summary;
 pub mod sumo;
 mod xml;

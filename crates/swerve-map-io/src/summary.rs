@@ -200,7 +200,7 @@ fn counted<K: Ord>(all: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
 }
 
 /// Counts with their names, most first.
-fn list<'n>(counts: impl Iterator<Item = (&'n str, usize)>) -> String {
+pub(crate) fn list<'n>(counts: impl Iterator<Item = (&'n str, usize)>) -> String {
     let mut counts: Vec<(&str, usize)> = counts.collect();
     counts.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
     let named =

@@ -29,9 +29,9 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use swerve_map::{Features, LaneId, Map, SignalId};
+use swerve_map::{Features, Map, SignalId};
 
-use crate::import::Gap;
+use crate::lane_map::LaneMap;
 use crate::problem::Problems;
 use crate::xml::{Element, Reader, optional, parse};
 
@@ -40,42 +40,24 @@ use edges::Edges;
 /// A road network of SUMO.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Net {
-    /// Version of the format; empty if the file has none.
-    pub version: String,
+    /// Lanes and the elements on them, with their names in the file.
+    pub lanes: LaneMap,
     /// Offset of the file's coordinates: a place of the map is a place of the file less this, metres.
     pub net_offset_m: [f64; 2],
     /// Projection as a PROJ text; may be empty. Not interpreted.
     pub projection: String,
     /// True where traffic keeps to the left.
     pub left_hand: bool,
-    /// The map.
-    pub map: Map,
-    /// The lane of the file for each [`LaneId`], by its number.
-    pub lanes: Vec<NetLane>,
+    /// The lane of the file for each [`LaneId`](swerve_map::LaneId), by its number.
+    pub sources: Vec<NetLane>,
     /// Programs of traffic lights, in the order of the file.
     pub programs: Vec<Program>,
-    /// Number of edges by function: `normal`, `internal`, `crossing`, `walkingarea`, `connector`.
-    pub edges: BTreeMap<String, usize>,
-    /// Number of lanes of the file by their use in the map; `left out` for those without one.
-    pub kinds: BTreeMap<&'static str, usize>,
-    /// Number of connections.
-    pub connections: usize,
-    /// Lowest and highest z, metres; `None` for a file without heights.
-    pub heights_m: Option<[f64; 2]>,
-    /// Lane ends that the file links and that are apart by more than its rounding.
-    pub gaps: Vec<Gap>,
-    /// Problems that leave the geometry as it is.
-    pub defects: Problems,
-    /// Number of unknown elements by name.
-    pub unknown: BTreeMap<String, usize>,
 }
 
 /// A lane of the file.
 #[derive(Clone, PartialEq, Debug)]
 pub struct NetLane {
-    /// Identity, such as `A0B0_1`.
-    pub id: String,
-    /// Identity of its edge.
+    /// Identity of its edge; that of the lane is its name in the map.
     pub edge: String,
     /// Length by the file, metres, which SUMO uses for positions in place of the length of the shape; `None` if missing.
     pub length_m: Option<f64>,
@@ -108,13 +90,6 @@ pub struct Phase {
     pub states: String,
 }
 
-impl Net {
-    /// The lane with an identity of the file.
-    pub fn lane_named(&self, id: &str) -> Option<LaneId> {
-        self.lanes.iter().position(|lane| lane.id == id).map(|number| LaneId(number as u32))
-    }
-}
-
 /// Elements of the root.
 const KNOWN: [&str; 9] =
     ["location", "type", "edge", "tlLogic", "junction", "connection", "prohibition", "roundabout", "param"];
@@ -130,11 +105,10 @@ pub fn read(file: &str, text: &str) -> Result<Net, Problems> {
     let made = net(&mut xml, root);
     let (faults, defects, unknown) = xml.finish(file, text);
     match made {
-        Some(net) if faults.count() == 0 => Ok(Net { defects, unknown, ..net }),
-        _ => {
-            let more = faults.count() + defects.count() - faults.len() - defects.len();
-            Err(Problems::new(file, faults.iter().chain(defects.iter()).cloned().collect(), more))
+        Some(net) if faults.count() == 0 => {
+            Ok(Net { lanes: LaneMap { defects, unknown, ..net.lanes }, ..net })
         }
+        _ => Err(faults.with(&defects)),
     }
 }
 
@@ -167,7 +141,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     let programs = rules::with_signals(xml, programs, &lights);
     let stop_lines = rules::stop_lines(&edges, &connections, &lights);
     let signals = lights.into_signals();
-    let Edges { lanes, sources, crossings, areas, functions, kinds, heights_m, .. } = edges;
+    let Edges { lanes, names, sources, crossings, areas, types, left_out, heights_m, edges, .. } = edges;
     let features = Features { junctions, signals, stop_lines, crossings, areas };
     let map = match Map::with_features(lanes, features) {
         Ok(map) => map,
@@ -176,23 +150,28 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
             return None;
         }
     };
-    Some(Net {
-        version: optional(root, "version"),
-        net_offset_m: offset_m,
-        projection: location
-            .map(|at| optional(at, "projParameter"))
-            .filter(|text| text != "!")
-            .unwrap_or_default(),
-        left_hand,
+    let contents = [
+        ("edges", edges.len()),
+        ("connections", connections.len()),
+        ("programs of traffic lights", programs.len()),
+        ("lanes left out", left_out),
+    ];
+    let lanes = LaneMap {
+        format: format!("SUMO {}", optional(root, "version")).trim().to_owned(),
         map,
-        lanes: sources,
-        programs,
-        edges: functions,
-        kinds,
-        connections: connections.len(),
+        names,
+        types,
+        contents: contents
+            .into_iter()
+            .filter(|one| one.1 > 0)
+            .map(|(name, count)| (name.to_owned(), count))
+            .collect(),
         heights_m,
         gaps,
         defects: Problems::default(),
         unknown: BTreeMap::new(),
-    })
+    };
+    let projection =
+        location.map(|at| optional(at, "projParameter")).filter(|text| text != "!").unwrap_or_default();
+    Some(Net { lanes, net_offset_m: offset_m, projection, left_hand, sources, programs })
 }

@@ -40,8 +40,7 @@ pub(super) fn network(file: &str, text: &str) -> Result<Network, Problems> {
     }
     let (faults, defects, unknown) = reading.xml.finish(file, text);
     if faults.count() > 0 {
-        let more = faults.count() + defects.count() - faults.len() - defects.len();
-        return Err(Problems::new(file, faults.iter().chain(defects.iter()).cloned().collect(), more));
+        return Err(faults.with(&defects));
     }
     Ok(Network { defects, unknown, ..network })
 }

@@ -6,7 +6,7 @@ use swerve_geom::{Point2, Polyline, PolylineError};
 use swerve_map::{Area, AreaId, AreaKind, Borders, Crossing, CrossingId, Lane, LaneId, Neighbour};
 
 use super::NetLane;
-use super::permissions::{kind_name, kind_of};
+use super::permissions::kind_of;
 use super::shapes::{self, Vertices, dense, dense_count, shape};
 use crate::problem::quoted;
 use crate::xml::{Element, Reader, optional};
@@ -73,8 +73,12 @@ pub(super) struct Edges<'a> {
     /// Numbers by identity.
     pub(super) lane_of: BTreeMap<&'a str, usize>,
     pub(super) edge_of: BTreeMap<&'a str, usize>,
-    pub(super) functions: BTreeMap<String, usize>,
-    pub(super) kinds: BTreeMap<&'static str, usize>,
+    /// Names of the lanes of the map.
+    pub(super) names: BTreeMap<LaneId, String>,
+    /// Number of lanes by the function of their edge.
+    pub(super) types: BTreeMap<String, usize>,
+    /// Number of lanes without a kind.
+    pub(super) left_out: usize,
     pub(super) heights_m: Option<[f64; 2]>,
     /// Crossed edges of each crossing, as in the file.
     crossed: Vec<&'a str>,
@@ -94,8 +98,9 @@ impl<'a> Edges<'a> {
             edges: Vec::new(),
             lane_of: BTreeMap::new(),
             edge_of: BTreeMap::new(),
-            functions: BTreeMap::new(),
-            kinds: BTreeMap::new(),
+            names: BTreeMap::new(),
+            types: BTreeMap::new(),
+            left_out: 0,
             heights_m: None,
             crossed: Vec::new(),
             vertices: 0.0,
@@ -118,7 +123,6 @@ impl<'a> Edges<'a> {
             Some(_) => xml.name(at, "function", &FUNCTIONS).unwrap_or("normal"),
         };
         let Some(id) = at.attribute("id") else { return xml.missing(at, "id") };
-        *self.functions.entry(function.to_owned()).or_default() += 1;
         let number = self.edges.len();
         if self.edge_of.insert(id, number).is_some() {
             return twice(xml, at, id);
@@ -151,6 +155,7 @@ impl<'a> Edges<'a> {
         if self.lane_of.insert(id, number).is_some() {
             return twice(xml, at, id);
         }
+        *self.types.entry(self.edges[edge].function.to_owned()).or_default() += 1;
         let ends = [points[0], points[points.len() - 1]];
         let slot = match self.edges[edge].function {
             "crossing" => self.crossing(xml, at, edge, &points, width_m),
@@ -170,8 +175,10 @@ impl<'a> Edges<'a> {
         width_m: f64,
     ) -> Slot {
         let kind = kind_of(at.attribute("allow"), at.attribute("disallow"));
-        *self.kinds.entry(kind_name(kind)).or_default() += 1;
-        let Some(kind) = kind else { return Slot::LeftOut };
+        let Some(kind) = kind else {
+            self.left_out += 1;
+            return Slot::LeftOut;
+        };
         self.vertices += dense_count(points) + 1.0;
         if self.vertices > VERTICES_MAX as f64 {
             xml.fault(at, || format!("expected a map of at most {VERTICES_MAX} vertices"));
@@ -189,11 +196,9 @@ impl<'a> Edges<'a> {
         let borders = Borders::constant(0.5 * width_m, 0.5 * width_m);
         let speed_limit_mps = xml.lenient(at, "speed").filter(|speed| *speed > 0.0);
         self.lanes.push(Lane { kind, speed_limit_mps, ..Lane::new(id, line, borders) });
-        self.sources.push(NetLane {
-            id: optional(at, "id"),
-            edge: self.edges[edge].id.to_owned(),
-            length_m: xml.lenient(at, "length"),
-        });
+        self.names.insert(id, optional(at, "id"));
+        self.sources
+            .push(NetLane { edge: self.edges[edge].id.to_owned(), length_m: xml.lenient(at, "length") });
         Slot::Lane(id)
     }
 

@@ -50,15 +50,3 @@ pub(super) fn kind_of(allow: Option<&str>, disallow: Option<&str>) -> Option<Lan
         None
     }
 }
-
-/// Name of a kind in output.
-pub(super) fn kind_name(kind: Option<LaneKind>) -> &'static str {
-    match kind {
-        Some(LaneKind::Driving) => "driving",
-        Some(LaneKind::Shoulder) => "shoulder",
-        Some(LaneKind::Cycling) => "cycling",
-        Some(LaneKind::Walking) => "walking",
-        Some(LaneKind::Parking) => "parking",
-        None => "left out",
-    }
-}

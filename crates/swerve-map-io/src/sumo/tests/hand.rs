@@ -14,18 +14,18 @@ fn net(text: &str) -> Net {
 }
 
 fn id(net: &Net, name: &str) -> LaneId {
-    net.lane_named(name).unwrap_or_else(|| panic!("no lane {name}"))
+    net.lanes.lane_named(name).unwrap_or_else(|| panic!("no lane {name}"))
 }
 
 fn names(net: &Net, lanes: &[LaneId]) -> Vec<String> {
-    lanes.iter().map(|lane| net.lanes[lane.0 as usize].id.clone()).collect()
+    lanes.iter().map(|lane| net.lanes.name(*lane).to_owned()).collect()
 }
 
 #[test]
 fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
     let net = net(SMALL);
-    let map: &Map = &net.map;
-    assert_eq!((net.defects.count(), net.gaps.len(), &*net.version), (0, 0, "1.20"));
+    let map: &Map = &net.lanes.map;
+    assert_eq!((net.lanes.defects.count(), net.lanes.gaps.len(), &*net.lanes.format), (0, 0, "SUMO 1.20"));
     assert_eq!(
         (net.net_offset_m, &*net.projection, net.left_hand),
         ([100.0, 50.0], "+proj=utm +zone=32", false)
@@ -43,18 +43,18 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
             (LaneKind::Driving, 3.2, Some(13.89)),
         ]
     );
-    assert!(net.lane_named("out_1").is_none());
-    assert_eq!(net.kinds["left out"], 1);
+    assert!(net.lanes.lane_named("out_1").is_none());
+    assert_eq!(net.lanes.contents["lanes left out"], 1);
     // In the frame of the projection; vertices at most 5 m apart.
     let points = car.line.points();
     assert_eq!((points[0].x_m, points[0].y_m, points.len()), (-100.0, -1.75, 19));
-    assert_eq!(net.heights_m, Some([0.0, 4.5]));
+    assert_eq!(net.lanes.heights_m, Some([0.0, 4.5]));
     let beside = |name| Some(Neighbour { lane: id(&net, name), opposite: false });
     assert_eq!((walk.left, walk.right), (beside("in_1"), None));
     assert_eq!((bus.left, bus.right), (beside("in_2"), beside("in_0")));
     assert_eq!((car.left, car.right), (None, beside("in_1")));
     let left_hand = self::net(&SMALL.replace("<net ", "<net lefthand=\"true\" "));
-    let bus = left_hand.map.lane(id(&left_hand, "in_1")).unwrap();
+    let bus = left_hand.lanes.map.lane(id(&left_hand, "in_1")).unwrap();
     assert_eq!((left_hand.left_hand, bus.left, bus.right), (true, beside("in_0"), beside("in_2")));
     // Both begin at one place: not beside each other.
     assert_eq!((lane(":J_1_0").left, lane(":J_1_1").right), (None, None));
@@ -63,7 +63,7 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
 #[test]
 fn connections_are_successors_and_lanes_without_length_are_skipped() {
     let net = net(SMALL);
-    let after = |name| names(&net, &net.map.lane(id(&net, name)).unwrap().successors);
+    let after = |name| names(&net, &net.lanes.map.lane(id(&net, name)).unwrap().successors);
     assert_eq!(after("in_1"), [":J_0_0"]);
     assert_eq!(after("in_2"), [":J_1_0", ":J_1_1"]);
     assert_eq!(after(":J_0_0"), ["out_0"]);
@@ -75,12 +75,13 @@ fn connections_are_successors_and_lanes_without_length_are_skipped() {
         let moved =
             self::net(&SMALL.replace("110.00,47.00 150.00,47.00", &format!("{x},47.00 150.00,47.00")));
         let gap = moved
+            .lanes
             .gaps
             .iter()
             .find(|gap| gap.ends == "lane :J_0_0 at its end and lane out_0 at its start")
             .unwrap();
         assert_eq!(gap.joined, joined);
-        let successors = &moved.map.lane(id(&moved, ":J_0_0")).unwrap().successors;
+        let successors = &moved.lanes.map.lane(id(&moved, ":J_0_0")).unwrap().successors;
         assert_eq!(!successors.is_empty(), joined);
     }
 }
@@ -88,9 +89,9 @@ fn connections_are_successors_and_lanes_without_length_are_skipped() {
 #[test]
 fn junctions_have_their_lanes_and_rights_of_way() {
     let net = net(SMALL);
-    let of: Vec<_> = net.map.junctions().iter().map(|junction| &*junction.name).collect();
+    let of: Vec<_> = net.lanes.map.junctions().iter().map(|junction| &*junction.name).collect();
     assert_eq!(of, ["J", "K"], "neither dead ends nor parts of junctions");
-    let junction = &net.map.junctions()[0];
+    let junction = &net.lanes.map.junctions()[0];
     assert_eq!(names(&net, &junction.lanes), [":J_0_0", ":J_1_0", ":J_1_1", ":J_2_0", ":J_3_0"]);
     assert_eq!(names(&net, &junction.incoming), ["in_1", "in_2", "side_0"]);
     let rights = junction.rights_of_way.iter().map(|right| names(&net, &[right.lane, right.to]));
@@ -100,7 +101,7 @@ fn junctions_have_their_lanes_and_rights_of_way() {
 #[test]
 fn lights_and_rules_are_signals_stop_lines_and_programs() {
     let net = net(SMALL);
-    let map = &net.map;
+    let map = &net.lanes.map;
     let signals: Vec<_> = map
         .signals()
         .iter()
@@ -147,21 +148,21 @@ fn lights_and_rules_are_signals_stop_lines_and_programs() {
 #[test]
 fn crossings_and_walking_areas_are_polygons() {
     let net = net(SMALL);
-    let [crossing] = net.map.crossings() else { panic!("{:?}", net.map.crossings()) };
+    let [crossing] = net.lanes.map.crossings() else { panic!("{:?}", net.lanes.map.crossings()) };
     assert_eq!(
         (&*crossing.name, names(&net, &crossing.lanes)),
         (":J_c0", ["out_0"].map(String::from).to_vec())
     );
     let corners: Vec<_> = crossing.outline.iter().map(|corner| (corner.x_m, corner.y_m)).collect();
     assert_eq!(corners, [(10.0, -8.0), (10.0, 2.0), (14.0, 2.0), (14.0, -8.0)]);
-    let [area] = net.map.areas() else { panic!("{:?}", net.map.areas()) };
+    let [area] = net.lanes.map.areas() else { panic!("{:?}", net.lanes.map.areas()) };
     assert_eq!((&*area.name, area.kind, area.outline.len()), (":J_w0", AreaKind::Walking, 4));
     let outlined = SMALL.replace(
         "index=\"0\" allow=\"pedestrian\" speed=\"2.78\" length=\"10.00\"",
         "$0 outlineShape=\"110,40 114,40 112,60\"",
     );
     let outlined = outlined.replace("$0", "index=\"0\" allow=\"pedestrian\" speed=\"2.78\" length=\"10.00\"");
-    assert_eq!(self::net(&outlined).map.crossings()[0].outline.len(), 3);
+    assert_eq!(self::net(&outlined).lanes.map.crossings()[0].outline.len(), 3);
 }
 
 #[test]
@@ -169,7 +170,7 @@ fn permissions_decide_the_kind_of_a_lane() {
     let kind = |attributes: &str| {
         let text = SMALL.replace("allow=\"bus\"", attributes);
         let net = net(&text);
-        net.lane_named("in_1").map(|lane| net.map.lane(lane).unwrap().kind)
+        net.lanes.lane_named("in_1").map(|lane| net.lanes.map.lane(lane).unwrap().kind)
     };
     for (attributes, expected) in [
         ("", Some(LaneKind::Driving)),

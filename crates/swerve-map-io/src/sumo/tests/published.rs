@@ -52,11 +52,11 @@ fn lane_lengths_of_published_networks_match_the_file() {
         let edges = edges.iter().filter_map(|edge| Some((edge.attribute("id")?, edge.attribute("length"))));
         let declared: BTreeMap<&str, Option<&str>> = edges.collect();
         let mut sums: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
-        for (lane, of) in net.lanes.iter().zip(net.map.lanes()) {
+        for (lane, of) in net.sources.iter().zip(net.lanes.map.lanes()) {
             let sum = sums.entry(&lane.edge).or_default();
             *sum = (sum.0 + of.line.length(), sum.1 + 1.0);
         }
-        for (lane, of) in net.lanes.iter().zip(net.map.lanes()) {
+        for (lane, of) in net.sources.iter().zip(net.lanes.map.lanes()) {
             let (length_m, by_file_m) = (of.line.length(), lane.length_m.unwrap());
             let (sum_m, lanes) = sums[&*lane.edge];
             let explicit = declared[&*lane.edge].map(|text| text.parse::<f64>().unwrap());
@@ -69,7 +69,7 @@ fn lane_lengths_of_published_networks_match_the_file() {
                 assert!(
                     (sum_m / lanes - by_file_m).abs() <= 1.5 * ROUNDED_M,
                     "{name} {}: {length_m}",
-                    lane.id
+                    net.lanes.name(of.id)
                 );
                 2
             };
@@ -86,40 +86,42 @@ fn counts_of_published_networks_match_their_xml() {
     let Some(nets) = nets() else { return };
     for (name, text) in &nets {
         let net = net(name, text);
-        assert_eq!((net.defects.count(), net.unknown.len()), (0, 0), "{name}: {}", net.defects);
+        assert_eq!(
+            (net.lanes.defects.count(), net.lanes.unknown.len()),
+            (0, 0),
+            "{name}: {}",
+            net.lanes.defects
+        );
         let document = Document::parse(text).unwrap();
         let root = document.root_element();
         let count = |name: &str| all(root, name).len();
         let (edges, lanes) = (all(root, "edge"), all(root, "lane"));
-        assert_eq!(net.edges.values().sum::<usize>(), edges.len(), "{name}");
-        let on_foot = |lane: &&Node<'_, '_>| {
-            matches!(lane.parent_element().unwrap().attribute("function"), Some("walkingarea" | "crossing"))
-        };
-        assert_eq!(
-            net.kinds.values().sum::<usize>(),
-            lanes.len() - lanes.iter().filter(on_foot).count(),
-            "{name}"
-        );
-        assert_eq!((net.connections, net.programs.len()), (count("connection"), count("tlLogic")), "{name}");
+        let contents = |name: &str| net.lanes.contents.get(name).copied().unwrap_or(0);
+        assert_eq!(contents("edges"), edges.len(), "{name}");
+        assert_eq!(net.lanes.types.values().sum::<usize>(), lanes.len(), "{name}");
+        let of_edges = |name: &str| net.lanes.types.get(name).copied().unwrap_or(0);
+        let (found, expected) = (contents("connections"), count("connection"));
+        assert_eq!((found, net.programs.len()), (expected, count("tlLogic")), "{name}");
         let phases: usize = net.programs.iter().map(|program| program.phases.len()).sum();
         assert_eq!(phases, count("phase"), "{name}");
         let is_kept = |node: &&Node<'_, '_>| !matches!(node.attribute("type"), Some("internal" | "dead_end"));
         let junctions = all(root, "junction");
-        assert_eq!(net.map.junctions().len(), junctions.iter().filter(is_kept).count(), "{name}");
+        assert_eq!(net.lanes.map.junctions().len(), junctions.iter().filter(is_kept).count(), "{name}");
         let mut links: Vec<_> = all(root, "connection")
             .iter()
             .filter_map(|node| Some((node.attribute("tl")?, node.attribute("linkIndex")?)))
             .collect();
         links.sort_unstable();
         links.dedup();
-        assert_eq!(net.map.signals().len(), links.len(), "{name}");
+        assert_eq!(net.lanes.map.signals().len(), links.len(), "{name}");
         // Every set bit of a response is a right of way, as none of these files has crossings.
         let bits: usize = all(root, "request")
             .iter()
             .map(|node| node.attribute("response").unwrap().matches('1').count())
             .sum();
-        let rights: usize = net.map.junctions().iter().map(|junction| junction.rights_of_way.len()).sum();
-        let is_short = net.kinds.values().sum::<usize>() - net.map.lanes().len();
+        let rights: usize =
+            net.lanes.map.junctions().iter().map(|junction| junction.rights_of_way.len()).sum();
+        let is_short = of_edges("normal") + of_edges("internal") - net.lanes.map.lanes().len();
         assert!(rights == bits || is_short > 0, "{name}: {rights} of {bits}");
         // Every connection between lanes of the map is a successor, and nothing else is.
         let lane = |node: &Node<'_, '_>, edge, index| {
@@ -144,13 +146,15 @@ fn counts_of_published_networks_match_their_xml() {
         let mut pairs: Vec<_> = pairs.collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let successors: usize = net.map.lanes().iter().map(|lane| lane.successors.len()).sum();
+        let successors: usize = net.lanes.map.lanes().iter().map(|lane| lane.successors.len()).sum();
         assert!(successors == pairs.len() || is_short > 0, "{name}: {successors} of {}", pairs.len());
         for (from, to) in pairs {
-            let (Some(from), Some(to)) = (net.lane_named(from), net.lane_named(to)) else { continue };
-            assert!(net.map.lane(from).unwrap().successors.contains(&to), "{name}");
+            let (Some(from), Some(to)) = (net.lanes.lane_named(from), net.lanes.lane_named(to)) else {
+                continue;
+            };
+            assert!(net.lanes.map.lane(from).unwrap().successors.contains(&to), "{name}");
         }
-        assert!(net.gaps.is_empty(), "{name}: {:?}", net.gaps);
+        assert!(net.lanes.gaps.is_empty(), "{name}: {:?}", net.lanes.gaps);
     }
 }
 
@@ -160,13 +164,13 @@ fn lanes_of_an_edge_are_beside_each_other_on_both_sides() {
     let (mut pairs, mut wide) = (0, 0);
     for (name, text) in &nets {
         let net = net(name, text);
-        for lane in net.map.lanes() {
+        for lane in net.lanes.map.lanes() {
             let Some(right) = lane.right else { continue };
             pairs += 1;
             // The neighbour's start is to the right, at the distance of the half widths where lanes are parallel.
-            let other = net.map.lane(right.lane).unwrap();
+            let other = net.lanes.map.lane(right.lane).unwrap();
             let place = lane.line.project(other.line.at(0.5 * other.line.length()).pose.point());
-            assert!(place.d_m < 0.0, "{name}: {}", net.lanes[lane.id.0 as usize].id);
+            assert!(place.d_m < 0.0, "{name}: {}", net.lanes.name(lane.id));
             let apart_m = 0.5 * (lane.width_m(0.0) + other.width_m(0.0));
             wide += usize::from((-place.d_m - apart_m).abs() > 0.5);
         }
@@ -181,7 +185,7 @@ fn towns_have_routes_in_the_frame_of_their_projection() {
     let town = &nets.iter().find(|(name, _)| name == "town01").unwrap().1;
     let net = net("town01", town);
     assert_eq!(net.net_offset_m, [0.06, 328.61]);
-    let map = &net.map;
+    let map = &net.lanes.map;
     let index = LaneIndex::of(map, |lane| lane.kind == LaneKind::Driving);
     let mut way = vec![map.lanes().iter().find(|lane| lane.line.length() > 100.0).unwrap().id];
     while way.len() < 20 {

@@ -1,0 +1,3 @@
+//! Scenarios written by hand, and those of TU Munich.
+
+mod shared;
