@@ -4,7 +4,7 @@ mod evaluate;
 mod furniture;
 mod junction;
 mod lane;
-mod read;
+pub(crate) mod read;
 mod road;
 #[cfg(test)]
 mod tests;

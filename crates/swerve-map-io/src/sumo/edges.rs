@@ -124,9 +124,10 @@ impl<'a> Edges<'a> {
         };
         let Some(id) = at.attribute("id") else { return xml.missing(at, "id") };
         let number = self.edges.len();
-        if self.edge_of.insert(id, number).is_some() {
+        if self.edge_of.contains_key(id) {
             return twice(xml, at, id);
         }
+        self.edge_of.insert(id, number);
         self.edges.push(Edge { element: at, id, function, lanes: Vec::new() });
         for child in children.into_iter().filter(|child| child.has_tag_name("lane")) {
             // The order counts, as for SUMO; netconvert numbers some lanes inside junctions wrongly.
@@ -152,9 +153,10 @@ impl<'a> Edges<'a> {
             self.heights_m = Some([a.min(low), b.max(high)]);
         }
         let number = self.files.len();
-        if self.lane_of.insert(id, number).is_some() {
+        if self.lane_of.contains_key(id) {
             return twice(xml, at, id);
         }
+        self.lane_of.insert(id, number);
         *self.types.entry(self.edges[edge].function.to_owned()).or_default() += 1;
         let ends = [points[0], points[points.len() - 1]];
         let slot = match self.edges[edge].function {

@@ -7,10 +7,10 @@ use crate::sumo::{Net, Phase, read};
 
 /// A main road to the east with a sidewalk, a lane for buses and one for cars, a junction with a light, and a side road
 /// that gives way, in the form that netconvert writes.
-const SMALL: &str = include_str!("small.net.xml");
+const SMALL: &str = include_str!("../../../maps/junction.net.xml");
 
 fn net(text: &str) -> Net {
-    read("small.net.xml", text).unwrap_or_else(|problems| panic!("{problems}"))
+    read("junction.net.xml", text).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
 fn id(net: &Net, name: &str) -> LaneId {
