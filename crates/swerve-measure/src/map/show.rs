@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use anyhow::{Context as _, anyhow, bail};
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
-use swerve_map_io::FILE_MAX;
 use swerve_map_io::commonroad::{self, Centers};
 use swerve_map_io::format::Format;
+use swerve_map_io::{FILE_MAX, lanelet2};
 use swerve_text::{decoded, read_given};
 
 #[derive(clap::Args, Debug)]
@@ -63,7 +63,10 @@ pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
         Format::CommonRoad => {
             lanes::show(args, &source, &commonroad::read(file, &source.text, Centers::Rounded)?.lanes)?
         }
-        Format::Lanelet2 | Format::Sumo => bail!("{file}: expected an OpenDRIVE or CommonRoad file"),
+        Format::Lanelet2 => lanes::show(args, &source, &lanelet2::read(file, &source.text)?.lanes)?,
+        Format::Sumo => {
+            bail!("{file}: expected an OpenDRIVE, Lanelet2 or CommonRoad file, found a net of SUMO")
+        }
     };
     if let Some(out) = args.out.as_ref().filter(|_| !args.json && !args.links && args.sample.is_none()) {
         text.push_str(&format!("{}\n", out.display()));
