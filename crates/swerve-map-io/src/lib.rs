@@ -25,6 +25,7 @@ mod content;
 mod cubic;
 mod curve;
 mod draft;
+mod features;
 pub mod format;
 pub mod import;
 mod joints;
@@ -39,6 +40,7 @@ mod problem;
 pub mod route;
 mod strip;
 pub mod summary;
+pub mod sumo;
 mod xml;
 
 pub use problem::{PROBLEMS_MAX, Problem, Problems};

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 use swerve_map::{LaneKind, Map};
 
+use crate::features;
 use crate::lane_map::LaneMap;
 use crate::summary::list;
 
@@ -65,7 +66,8 @@ impl Overview {
             .iter()
             .map(|(kind, (count, length_m))| format!("{count} {kind} {:.3} km", length_m / 1e3));
         let kinds: Vec<String> = kinds.collect();
-        row("lane map", format!("{} lanes: {}", lanes.map.lanes().len(), kinds.join(", ")));
+        let features = features::text(&lanes.map);
+        row("lane map", format!("{} lanes: {}{features}", lanes.map.lanes().len(), kinds.join(", ")));
         row("types", counts(&lanes.types));
         let [same, opposite] = self.neighbours;
         row(
@@ -113,6 +115,7 @@ impl Overview {
             "kinds": self.kinds.iter().map(kind).collect::<serde_json::Map<String, Value>>(),
             "types": lanes.types,
             "contents": lanes.contents,
+            "map_features": features::json(&lanes.map),
             "successors": self.successors,
             "neighbours_same": self.neighbours[0],
             "neighbours_opposite": self.neighbours[1],

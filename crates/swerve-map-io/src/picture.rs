@@ -1,10 +1,11 @@
-//! Picture of a network: lanes filled by type, marks, connections of junctions, signals, objects.
+//! Picture of a network: lanes filled by type, marks, connections of junctions, signals, objects, stop lines.
 
 pub mod lanes;
 
 use swerve_draw::{Axes, Canvas, Color, Entry, Picture, Sign, Style, Text, color, legend};
 use swerve_map::LaneKind;
 
+use crate::features;
 use crate::import::{Imported, kind_of, vertices};
 use crate::opendrive::{LaneType, Network, Road, RoadMark};
 use crate::route::Way;
@@ -72,6 +73,7 @@ pub fn draw(
     }
     connections(&mut canvas, network, imported, &axes);
     furniture(&mut canvas, network, &axes);
+    features::draw_stop_lines(&mut canvas, &imported.map, &axes);
     for (way, k) in way.into_iter().flat_map(|way| (0..way.lanes.len()).map(move |k| (way, k))) {
         let points = way.line(&imported.map, k);
         canvas.path(points.iter().map(|p| axes.at(p.x_m, p.y_m)), false, Style::line(color::PLAN, 3.0));
@@ -108,6 +110,7 @@ fn entries(has_route: bool) -> Vec<Entry> {
     entries.push((Sign::Line(CONNECTION), "connection".to_owned()));
     entries.push((Sign::Mark(|canvas, at| canvas.circle(at, 3.0, SIGNAL)), "signal".to_owned()));
     entries.push((Sign::Block(OBJECT), "object".to_owned()));
+    entries.push((Sign::Line(features::STOP_LINE), "stop line".to_owned()));
     if has_route {
         entries.push((Sign::Line(Style::line(color::PLAN, 3.0)), "route".to_owned()));
     }

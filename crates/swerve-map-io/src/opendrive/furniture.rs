@@ -70,6 +70,10 @@ pub struct Object {
     pub name: String,
     /// Kind, such as `crosswalk`, `pole`, `building`.
     pub kind: String,
+    /// Variant of the kind, such as `signalLines` of `roadMark`; may be empty.
+    pub subtype: String,
+    /// Direction of traffic that it is for: `+`, `-` or `none`; may be empty.
+    pub orientation: String,
     /// Position along the road, metres.
     pub s_m: f64,
     /// Position to the left of the reference line, metres.
@@ -82,6 +86,8 @@ pub struct Object {
     pub size_m: [f64; 3],
     /// Outlines.
     pub outlines: Vec<Outline>,
+    /// Lanes that it is for; empty for all.
+    pub validity: Vec<Validity>,
     /// Number of `<repeat>` records.
     pub repeats: usize,
 }

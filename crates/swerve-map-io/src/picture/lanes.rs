@@ -1,10 +1,11 @@
-//! Picture of a lane map: lanes filled by kind, their centre lines, a route.
+//! Picture of a lane map: lanes filled by kind, their centre lines, the elements on them, a route.
 
 use swerve_draw::{Canvas, Picture, Style, Text, color, legend};
 use swerve_geom::FrenetPoint;
 use swerve_map::{Lane, LaneKind, Map};
 
 use super::{BOTTOM, CONNECTION, LEFT, RIGHT, WIDTH, axes, entries, fill};
+use crate::features;
 use crate::route::Way;
 
 /// Draws a map in the ground plane, x to the right and y upwards, with a route if there is one.
@@ -23,6 +24,7 @@ pub fn draw(map: &Map, [x, y]: [[f64; 2]; 2], title: &str, way: Option<&Way>) ->
     for lane in map.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
         canvas.path(lane.line.points().iter().map(|p| axes.at(p.x_m, p.y_m)), false, CONNECTION);
     }
+    features::draw(&mut canvas, map, &axes);
     for (way, k) in way.into_iter().flat_map(|way| (0..way.lanes.len()).map(move |k| (way, k))) {
         let points = way.line(map, k);
         canvas.path(points.iter().map(|p| axes.at(p.x_m, p.y_m)), false, Style::line(color::PLAN, 3.0));

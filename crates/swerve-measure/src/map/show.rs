@@ -1,21 +1,22 @@
-//! `swerve map show`: road networks of OpenDRIVE, Lanelet2 and CommonRoad files.
+//! `swerve map show`: road networks of OpenDRIVE, Lanelet2, CommonRoad and SUMO files.
 
 mod lanes;
 mod network;
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow};
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
 use swerve_map_io::commonroad::{self, Centers};
 use swerve_map_io::format::Format;
-use swerve_map_io::{FILE_MAX, lanelet2};
+use swerve_map_io::{FILE_MAX, lanelet2, sumo};
 use swerve_text::{decoded, read_given};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct ShowArgs {
-    /// Road network: OpenDRIVE 1.4 to 1.8 (.xodr), Lanelet2 (.osm), CommonRoad 2018b and 2020a (.xml, .xml.gz)
+    /// Road network: OpenDRIVE 1.4 to 1.8 (.xodr), Lanelet2 (.osm), CommonRoad 2018b and 2020a (.xml, .xml.gz), SUMO
+    /// (.net.xml)
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Picture file to write
@@ -64,9 +65,7 @@ pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
             lanes::show(args, &source, &commonroad::read(file, &source.text, Centers::Rounded)?.lanes)?
         }
         Format::Lanelet2 => lanes::show(args, &source, &lanelet2::read(file, &source.text)?.lanes)?,
-        Format::Sumo => {
-            bail!("{file}: expected an OpenDRIVE, Lanelet2 or CommonRoad file, found a net of SUMO")
-        }
+        Format::Sumo => lanes::show(args, &source, &sumo::read(file, &source.text)?.lanes)?,
     };
     if let Some(out) = args.out.as_ref().filter(|_| !args.json && !args.links && args.sample.is_none()) {
         text.push_str(&format!("{}\n", out.display()));

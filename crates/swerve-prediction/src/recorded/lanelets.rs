@@ -4,14 +4,16 @@
 //! predecessors, successors, adjacent lanelets, type), their stop lines with the referenced lights, and speed limit
 //! signs; light cycles are ignored.
 
+use core::f64::consts::PI;
 use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node};
-use swerve_geom::{Point2, Polyline};
-use swerve_map::{Border, Borders, Lane, LaneId, LaneKind, Map, MapError, Neighbour, Station};
+use swerve_geom::{Point2, Polyline, wrap_angle};
+use swerve_map::{Border, Borders, Features, Lane, LaneId, LaneKind, Map, MapError, Neighbour, Station};
+use swerve_map::{Signal, SignalId, StopLine};
 
 use super::{PLACE_MAX_M, RecordedError, number, whole, wrong};
-use crate::lanes::{LaneGraph, StopLine};
+use crate::lanes::LaneGraph;
 
 /// Ids of speed limit signs in the United States and in Germany; their value is in m/s.
 const LIMITS: [&str; 2] = ["R2-1", "274"];
@@ -39,19 +41,45 @@ pub fn commonroad_lanelets(text: &str) -> Result<LaneGraph, RecordedError> {
     if lanes.is_empty() {
         return Err(told(root, "expected lanelets, found none"));
     }
-    let map = Map::new(lanes).map_err(|error| wrong(lines[&accused(&error)], error))?;
-    LaneGraph::new(map, stops).map_err(|error| wrong(lines[&accused(&error)], error))
+    let signals = signals(&lanes, &stops);
+    let features = Features { signals, stop_lines: stops, ..Features::default() };
+    let line = |error: &MapError| accused(error).map_or(1, |lane| lines[&lane]);
+    let map = Map::with_features(lanes, features).map_err(|error| wrong(line(&error), error))?;
+    Ok(LaneGraph::new(map))
 }
 
 /// The lane that an error refers to.
-fn accused(error: &MapError) -> LaneId {
+fn accused(error: &MapError) -> Option<LaneId> {
     match *error {
         MapError::Twice(lane)
         | MapError::Missing { lane, .. }
         | MapError::OneSided { lane, .. }
         | MapError::Gap { lane, .. }
-        | MapError::Width { lane, .. } => lane,
+        | MapError::Width { lane, .. } => Some(lane),
+        MapError::Feature(_) => None,
     }
+}
+
+/// Lights of stop lines, each at the first of its stop lines: those of the file need not have a position.
+fn signals(lanes: &[Lane], stops: &[StopLine]) -> Vec<Signal> {
+    let mut signals: BTreeMap<SignalId, Signal> = BTreeMap::new();
+    for stop in stops {
+        let Some(lane) = lanes.iter().find(|lane| lane.id == stop.lane) else { continue };
+        let pose = lane.line.at(stop.s_m).pose;
+        for id in &stop.signals {
+            let at_line = || Signal {
+                id: *id,
+                name: id.0.to_string(),
+                position: pose.point(),
+                heading_rad: wrap_angle(pose.heading_rad + PI),
+                height_m: None,
+                lanes: Vec::new(),
+                controller: None,
+            };
+            signals.entry(*id).or_insert_with(at_line).lanes.push(stop.lane);
+        }
+    }
+    signals.into_values().collect()
 }
 
 fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
@@ -168,10 +196,8 @@ fn stop(lanelet: Node<'_, '_>, node: Node<'_, '_>, lane: &Lane) -> Result<StopLi
         [from, to, ..] => lane.line.project(from + (to - from) * 0.5).s_m,
     };
     let named = children(lanelet, "trafficLightRef").chain(children(node, "trafficLightRef"));
-    let mut lights = named.map(|light| identity(light, "ref")).collect::<Result<Vec<u32>, _>>()?;
-    lights.sort_unstable();
-    lights.dedup();
-    Ok(StopLine { lane: lane.id, at_m: at_m.clamp(0.0, length_m), lights })
+    let signals = named.map(|light| identity(light, "ref").map(SignalId)).collect::<Result<_, _>>()?;
+    Ok(StopLine { signals, ..StopLine::new(lane.id, at_m.clamp(0.0, length_m)) })
 }
 
 /// Speed limits by sign id, m/s.

@@ -130,12 +130,15 @@ impl<'a> Reading<'a> {
             id: optional(at, "id"),
             name: optional(at, "name"),
             kind: optional(at, "type"),
+            subtype: optional(at, "subtype"),
+            orientation: optional(at, "orientation"),
             s_m: self.xml.number(at, "s"),
             t_m: self.xml.number(at, "t"),
             z_offset_m: self.xml.lenient(at, "zOffset").unwrap_or_default(),
             heading_rad: self.xml.lenient(at, "hdg").unwrap_or_default(),
             size_m,
             outlines: outlines.into_iter().map(|outline| self.outline(outline)).collect(),
+            validity: self.validity(&named(&children, "validity")),
             repeats: named(&children, "repeat").len(),
         }
     }

@@ -21,9 +21,9 @@ fn lanelets_are_read_as_lanes() {
     assert_eq!((of(2).kind, of(3).kind), (LaneKind::Cycling, LaneKind::Driving));
     assert_eq!((of(1).line.length(), of(1).width_m(10.0)), (20.0, 3.5));
     assert_eq!((of(3).width_m(0.0), of(3).width_m(10.0)), (3.5, 4.5), "as the bounds go apart");
-    let [first, second] = lanes.stops() else { panic!("two stop lines") };
-    assert_eq!((first.lane, first.at_m, &first.lights[..]), (LaneId(1), 20.0, &[8, 9][..]));
-    assert_eq!((second.lane, second.at_m, second.lights.len()), (LaneId(3), 6.0, 0));
+    let [first, second] = lanes.map().stop_lines() else { panic!("two stop lines") };
+    assert_eq!((first.lane, first.s_m, &first.signals[..]), (LaneId(1), 20.0, &[8, 9].map(SignalId)[..]));
+    assert_eq!((second.lane, second.s_m, second.signals.len()), (LaneId(3), 6.0, 0));
 }
 
 #[test]
