@@ -1,7 +1,7 @@
 //! Reader of CommonRoad scenario files in XML, versions 2018b and 2020a: lanelets and the rules on them.
 //!
 //! **Read.** Lanelets: bounds, predecessors, successors, adjacent lanelets, type, speed limit, stop line. Traffic lights
-//! with their cycles, traffic signs, intersections. Obstacles and planning problems belong to scenarios and are
+//! with their cycles, traffic signs, intersections as junctions, lanelets for pedestrians across a road as crossings. Obstacles and planning problems belong to scenarios and are
 //! skipped. Heights are read and not part of the flat map.
 //!
 //! **Lanes.** The identity of a lane is that of its lanelet. Its centre line runs through the middles of pairs of points
@@ -9,18 +9,19 @@
 //!
 //! **Source.** "CommonRoad: documentation of the XML format", versions 2018b and 2020a.
 
+mod features;
 mod lanelets;
 mod rules;
 
 use std::collections::BTreeSet;
 
 use crate::content::all;
-use crate::draft::assemble;
+use crate::draft::{assemble, with_features};
 use crate::lane_map::LaneMap;
 use crate::problem::{Problems, quoted};
 use crate::xml::{Element, Reader, parse};
 
-pub use rules::{Cycle, Incoming, Intersection, Light, Phase, Sign, StopLine};
+pub use rules::{Cycle, Light, Phase, Sign};
 
 use lanelets::Lanelets;
 use rules::Rules;
@@ -52,14 +53,10 @@ pub struct Commonroad {
     pub lanes: LaneMap,
     /// Duration of a time step, seconds; `None` if the file has none.
     pub step_s: Option<f64>,
-    /// Stop lines, by lane and arc length.
-    pub stops: Vec<StopLine>,
-    /// Traffic lights in the order of the file.
+    /// Traffic lights in the order of the file; the signal in the map has the same identity.
     pub lights: Vec<Light>,
     /// Traffic signs in the order of the file.
     pub signs: Vec<Sign>,
-    /// Intersections in the order of the file.
-    pub intersections: Vec<Intersection>,
 }
 
 /// Centre lines of lanes.
@@ -85,11 +82,14 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
     let rules = Rules::read(&mut xml, root);
     let lanelets = Lanelets::read(&mut xml, root, &rules, centers);
     let (heights_m, types, contents) = (lanelets.heights_m, lanelets.types.clone(), rules.counts());
-    let (drafts, lines) = lanelets.resolved(&mut xml);
+    let (drafts, statements) = lanelets.resolved(&mut xml, root);
     let names = drafts.iter().map(|(id, draft)| (*id, draft.name.clone())).collect();
     let step_s = xml.lenient(root, "timeStepSize");
     let made = if xml.faults() == 0 { assemble(&mut xml, drafts, root) } else { None };
-    let stops = made.as_ref().map(|(map, _)| rules::stops(map, &lines)).unwrap_or_default();
+    let made = made.and_then(|(map, gaps)| {
+        let features = features::features(&map, &rules, &statements);
+        Some((with_features(&mut xml, map, features, root)?, gaps))
+    });
     let (faults, defects, unknown) = xml.finish(file, text);
     let Some((map, gaps)) = made.filter(|_| faults.count() == 0) else { return Err(faults.with(&defects)) };
     let mut lanes = LaneMap {
@@ -104,11 +104,8 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
         unknown,
     };
     lanes.names.retain(|lane, _| lanes.map.lane(*lane).is_some());
-    if !stops.is_empty() {
-        lanes.contents.insert("stop lines".to_owned(), stops.len());
-    }
-    let Rules { lights, signs, intersections, .. } = rules;
-    Ok(Commonroad { lanes, step_s, stops, lights, signs, intersections })
+    let Rules { lights, signs, .. } = rules;
+    Ok(Commonroad { lanes, step_s, lights, signs })
 }
 
 fn check_root(xml: &mut Reader, root: Element<'_>, version: &str) {

@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use swerve_geom::{Point2, Polyline};
-use swerve_map::{Lane, LaneId, LaneKind, Map, Neighbour};
+use swerve_geom::{FrenetPoint, Point2, Polyline};
+use swerve_map::{Features, Lane, LaneId, LaneKind, Map, Neighbour};
 
 use crate::import::Gap;
 use crate::joints::{Joint, close};
 use crate::opendrive::LENGTH_MAX_M;
-use crate::strip::{centered, is_swapped, length_m, measured, middles, rounded_middles};
+use crate::strip::{centered, dense, is_swapped, length_m, measured, middles, rounded};
 use crate::xml::{Element, Reader};
 
 /// Most vertices of a map.
@@ -59,19 +59,13 @@ pub(crate) fn assemble(
         return None;
     }
     let mut centers = BTreeMap::new();
-    let mut vertices = 0;
     for (id, draft) in &drafts {
         let center = match &draft.center {
             Center::Middles => middles(&draft.left, &draft.right),
-            Center::RoundedMiddles => rounded_middles(&draft.left, &draft.right),
-            Center::Between => centered(&draft.left, &draft.right, None),
-            Center::Given(line) => centered(&draft.left, &draft.right, Some(line)),
+            Center::RoundedMiddles => dense(&middles(&draft.left, &draft.right)),
+            Center::Between => dense(&centered(&draft.left, &draft.right, None)),
+            Center::Given(line) => dense(&centered(&draft.left, &draft.right, Some(line))),
         };
-        vertices += center.len() + draft.left.len() + draft.right.len();
-        if vertices > VERTICES_MAX {
-            xml.fault(draft.element, || format!("expected a map of at most {VERTICES_MAX} vertices"));
-            return None;
-        }
         if center.len() < 2 {
             xml.defect(draft.element, || "it has no length: left out".to_owned());
             continue;
@@ -81,7 +75,19 @@ pub(crate) fn assemble(
     drafts.retain(|id, _| centers.contains_key(id));
     neighbours(xml, &mut drafts);
     let gaps = close(&mut drafts, &mut centers);
-    let lanes = drafts.iter().filter_map(|(id, draft)| lane(xml, *id, draft, &centers[id])).collect();
+    let (mut lanes, mut vertices) = (Vec::new(), 0);
+    for (id, draft) in &drafts {
+        let center = match draft.center {
+            Center::Middles => centers[id].iter().map(|vertex| vertex.at).collect(),
+            _ => rounded(&centers[id]),
+        };
+        vertices += center.len() + draft.left.len() + draft.right.len();
+        if vertices > VERTICES_MAX {
+            xml.fault(draft.element, || format!("expected a map of at most {VERTICES_MAX} vertices"));
+            return None;
+        }
+        lanes.extend(lane(xml, *id, draft, &center));
+    }
     match Map::new(lanes) {
         Ok(map) => Some((map, gaps)),
         Err(error) => {
@@ -89,6 +95,29 @@ pub(crate) fn assemble(
             None
         }
     }
+}
+
+/// The map with elements beside its lanes. `None` after faults.
+pub(crate) fn with_features(
+    xml: &mut Reader,
+    map: Map,
+    features: Features,
+    root: Element<'_>,
+) -> Option<Map> {
+    let (lanes, _) = map.into_parts();
+    Map::with_features(lanes, features).map_err(|error| xml.fault(root, || error.to_string())).ok()
+}
+
+/// Outline of a lane: its left border forwards, its right border backwards.
+pub(crate) fn outline(lane: &Lane) -> Vec<Point2> {
+    let mut stations_m = vec![0.0];
+    for two in lane.line.points().windows(2) {
+        stations_m.push(stations_m[stations_m.len() - 1] + two[0].distance(two[1]));
+    }
+    let at = |s_m: f64, d_m: f64| lane.line.to_map(FrenetPoint { s_m, d_m });
+    let left = stations_m.iter().map(|s_m| at(*s_m, lane.borders.left_m(*s_m)));
+    let right = stations_m.iter().rev().map(|s_m| at(*s_m, -lane.borders.right_m(*s_m)));
+    left.chain(right).collect()
 }
 
 fn lane(xml: &mut Reader, id: LaneId, draft: &Draft<'_>, center: &[Point2]) -> Option<Lane> {

@@ -7,7 +7,7 @@ use swerve_map::LaneId;
 
 use crate::draft::{Drafts, joints};
 use crate::import::{Gap, JOINED_M};
-use crate::strip::length_m;
+use crate::strip::Vertex;
 
 /// Largest gap that is closed, metres.
 pub(crate) const CLOSED_M: f64 = 0.5;
@@ -32,11 +32,11 @@ type End = (LaneId, bool);
 ///
 /// Ends that joints connect are a group. If a gap in the group is wider than a map accepts, all its ends move to their
 /// mean, unless one of them would have to move by more than [`CLOSED_M`].
-pub(crate) fn close(drafts: &mut Drafts<'_>, centers: &mut BTreeMap<LaneId, Vec<Point2>>) -> Vec<Gap> {
+pub(crate) fn close(drafts: &mut Drafts<'_>, centers: &mut BTreeMap<LaneId, Vec<Vertex>>) -> Vec<Gap> {
     let joints = joints(drafts);
-    let place = |centers: &BTreeMap<LaneId, Vec<Point2>>, (lane, is_start): End| {
+    let place = |centers: &BTreeMap<LaneId, Vec<Vertex>>, (lane, is_start): End| {
         let line = &centers[&lane];
-        if is_start { line[0] } else { line[line.len() - 1] }
+        if is_start { line[0].at } else { line[line.len() - 1].at }
     };
     let gap_m = |centers: &_, joint: &Joint| {
         place(centers, (joint.from, false)).distance(place(centers, (joint.to, true)))
@@ -101,15 +101,16 @@ fn groups<'j>(joints: impl Iterator<Item = &'j (Joint, f64)> + Clone) -> Vec<Gro
 }
 
 /// Moves an end of a line; vertices up to [`BLEND_M`] away move in proportion.
-fn shift(line: &mut [Point2], is_start: bool, by: Vector2) {
-    let reach_m = BLEND_M.min(0.5 * length_m(line));
+fn shift(line: &mut [Vertex], is_start: bool, by: Vector2) {
+    let length_m: f64 = line.windows(2).map(|two| two[0].at.distance(two[1].at)).sum();
+    let reach_m = BLEND_M.min(0.5 * length_m);
     let count = line.len();
-    let at = |k: usize| if is_start { k } else { count - 1 - k };
+    let index = |k: usize| if is_start { k } else { count - 1 - k };
     let mut s_m = 0.0;
     for k in 0..count {
-        let last = line[at(k)];
-        let next = (k + 1 < count).then(|| line[at(k + 1)]);
-        line[at(k)] = last + by * (1.0 - s_m / reach_m).max(0.0);
+        let last = line[index(k)].at;
+        let next = (k + 1 < count).then(|| line[index(k + 1)].at);
+        line[index(k)].at = last + by * (1.0 - s_m / reach_m).max(0.0);
         s_m += next.map_or(0.0, |next| next.distance(last));
         if s_m >= reach_m {
             break;

@@ -29,6 +29,7 @@ pub mod format;
 pub mod import;
 mod joints;
 pub mod lane_map;
+pub mod lanelet2;
 pub mod links;
 pub mod opendrive;
 pub mod overview;

@@ -51,42 +51,55 @@ pub(crate) fn length_m(points: &[Point2]) -> f64 {
     points.windows(2).map(|two| two[0].distance(two[1])).sum()
 }
 
+/// Vertex of a centre line, and the distance of the farther border, metres.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Vertex {
+    pub(crate) at: Point2,
+    pub(crate) reach_m: f64,
+}
+
+impl Vertex {
+    fn between(left: Point2, right: Point2) -> Self {
+        Self { at: middle(left, right), reach_m: 0.5 * left.distance(right) }
+    }
+}
+
 /// Centre line through the middles of given pairs.
-pub(crate) fn middles(left: &[Point2], right: &[Point2]) -> Vec<Point2> {
-    distinct(left.iter().zip(right).map(|(left, right)| middle(*left, *right)))
+pub(crate) fn middles(left: &[Point2], right: &[Point2]) -> Vec<Vertex> {
+    let mut vertices: Vec<Vertex> = Vec::with_capacity(left.len());
+    for (left, right) in left.iter().zip(right) {
+        let vertex = Vertex::between(*left, *right);
+        if vertices.last().is_none_or(|last| last.at.distance(vertex.at) > SAME_M) {
+            vertices.push(vertex);
+        }
+    }
+    vertices
 }
 
-/// The same with vertices at most [`STEP_M`] apart and rounded corners.
-pub(crate) fn rounded_middles(left: &[Point2], right: &[Point2]) -> Vec<Point2> {
-    let vertex = |(left, right): (&Point2, &Point2)| (middle(*left, *right), 0.5 * left.distance(*right));
-    let mut vertices: Vec<(Point2, f64)> = left.iter().zip(right).map(vertex).collect();
-    vertices.dedup_by(|b, a| a.0.distance(b.0) <= SAME_M);
-    rounded(&dense(&vertices))
-}
-
-/// Centre line between two borders, or along `given`, with vertices at most [`STEP_M`] apart and rounded corners.
-pub(crate) fn centered(left: &[Point2], right: &[Point2], given: Option<&[Point2]>) -> Vec<Point2> {
+/// Centre line between two borders, or along `given`.
+pub(crate) fn centered(left: &[Point2], right: &[Point2], given: Option<&[Point2]>) -> Vec<Vertex> {
     let shares: Vec<Vec<f64>> = [Some(left), Some(right), given].into_iter().flatten().map(shares).collect();
     let longest_m = length_m(left).max(length_m(right));
     let near = PAIR_M / longest_m.max(PAIR_M);
-    let mut at: Vec<f64> =
-        shares.iter().flatten().copied().filter(|share| (near..1.0 - near).contains(share)).collect();
+    let inner = |share: &f64| (near..1.0 - near).contains(share);
+    let mut at: Vec<f64> = shares.iter().flatten().copied().filter(inner).collect();
     at.extend([0.0, 1.0]);
     at.sort_by(f64::total_cmp);
     at.dedup_by(|b, a| *b - *a < near && *b < 1.0);
     let mut cursors = [0; 3];
-    let mut vertices: Vec<(Point2, f64)> = Vec::with_capacity(at.len());
+    let mut vertices: Vec<Vertex> = Vec::with_capacity(at.len());
     for share in at {
-        let sides = [0, 1].map(|k| along([left, right][k], &shares[k], share, &mut cursors[k]));
-        let center = match given {
-            Some(given) => along(given, &shares[2], share, &mut cursors[2]),
-            None => middle(sides[0], sides[1]),
-        };
-        if vertices.last().is_none_or(|(last, _)| last.distance(center) > SAME_M) {
-            vertices.push((center, sides[0].distance(center).max(sides[1].distance(center))));
+        let [left, right] = [0, 1].map(|k| along([left, right][k], &shares[k], share, &mut cursors[k]));
+        let mut vertex = Vertex::between(left, right);
+        if let Some(given) = given {
+            let at = along(given, &shares[2], share, &mut cursors[2]);
+            vertex = Vertex { at, reach_m: left.distance(at).max(right.distance(at)) };
+        }
+        if vertices.last().is_none_or(|last| last.at.distance(vertex.at) > SAME_M) {
+            vertices.push(vertex);
         }
     }
-    rounded(&dense(&vertices))
+    vertices
 }
 
 fn middle(a: Point2, b: Point2) -> Point2 {
@@ -116,42 +129,41 @@ fn along(points: &[Point2], shares: &[f64], share: f64, from: &mut usize) -> Poi
     *a + (*b - *a) * t
 }
 
-/// Vertices at most [`STEP_M`] apart.
-fn dense(vertices: &[(Point2, f64)]) -> Vec<(Point2, f64)> {
-    let mut dense: Vec<(Point2, f64)> = vertices.first().copied().into_iter().collect();
+/// The same line with vertices at most [`STEP_M`] apart.
+pub(crate) fn dense(vertices: &[Vertex]) -> Vec<Vertex> {
+    let mut dense: Vec<Vertex> = vertices.first().copied().into_iter().collect();
     for two in vertices.windows(2) {
-        let [(a, reach_a), (b, reach_b)] = [two[0], two[1]];
-        let steps = (a.distance(b) / STEP_M).ceil().max(1.0) as usize;
+        let [a, b] = [two[0], two[1]];
+        let steps = (a.at.distance(b.at) / STEP_M).ceil().max(1.0) as usize;
         dense.extend((1..steps).map(|k| {
             let t = k as f64 / steps as f64;
-            (a + (b - a) * t, reach_a + (reach_b - reach_a) * t)
+            Vertex { at: a.at + (b.at - a.at) * t, reach_m: a.reach_m + (b.reach_m - a.reach_m) * t }
         }));
-        dense.push((b, reach_b));
+        dense.push(b);
     }
     dense
 }
 
-/// Replaces corners by arcs where a border beside them would be inexact; the arcs touch both pieces.
-fn rounded(vertices: &[(Point2, f64)]) -> Vec<Point2> {
+/// Points of a line, with arcs in place of corners beside which a border would be inexact. The arcs touch both pieces.
+pub(crate) fn rounded(vertices: &[Vertex]) -> Vec<Point2> {
     let mut line = Vec::with_capacity(vertices.len());
-    for (k, &(at, reach_m)) in vertices.iter().enumerate() {
+    for (k, &Vertex { at, reach_m }) in vertices.iter().enumerate() {
         let (Some(before), Some(after)) = (k.checked_sub(1).map(|k| vertices[k]), vertices.get(k + 1)) else {
             line.push(at);
             continue;
         };
-        let (from, to) = (direction(before.0, at), direction(at, after.0));
+        let (from, to) = (direction(before.at, at), direction(at, after.at));
         let turn_rad = math::atan2(from.cross(to), from.dot(to));
         let bend_rad = turn_rad.abs();
         // A border that is inclined to the line changes its distance by its slope times the turn at a vertex.
-        let slope =
-            |(other, other_m): (Point2, f64)| (other_m - reach_m).abs() / other.distance(at).max(SAME_M);
+        let slope = |other: Vertex| (other.reach_m - reach_m).abs() / other.at.distance(at).max(SAME_M);
         let inclined = 0.5 * bend_rad + slope(before).max(slope(*after)).min(1.0);
         let pieces = (reach_m * inclined * bend_rad / CORNER_M).ceil().min(ROUND_MAX);
         if pieces <= 1.0 {
             line.push(at);
             continue;
         }
-        let room_m = 0.4 * before.0.distance(at).min(at.distance(after.0));
+        let room_m = 0.4 * before.at.distance(at).min(at.distance(after.at));
         let cut_m = room_m.min(CUT_M / math::tan(0.25 * bend_rad));
         let radius_m = cut_m / math::tan(0.5 * bend_rad);
         for step in 0..=pieces as usize {

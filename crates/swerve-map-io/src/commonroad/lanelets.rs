@@ -11,7 +11,8 @@ use crate::problem::quoted;
 use crate::xml::{Element, Reader, number};
 
 use super::Centers;
-use super::rules::{Line, Rules};
+use super::features::{Statements, Stop};
+use super::rules::Rules;
 
 /// Elements of a lanelet.
 const KNOWN: [&str; 15] = [
@@ -32,6 +33,10 @@ const KNOWN: [&str; 15] = [
     "crossing",
 ];
 
+/// Elements of intersections that name lanelets.
+const LANES: [&str; 5] =
+    ["incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft", "crossingLanelet"];
+
 /// A reference of a lanelet to another.
 struct Reference<'a> {
     at: Element<'a>,
@@ -45,7 +50,7 @@ struct Reference<'a> {
 #[derive(Default)]
 pub(super) struct Lanelets<'a> {
     drafts: Drafts<'a>,
-    lines: Vec<Line>,
+    statements: Statements,
     links: Vec<Reference<'a>>,
     beside: Vec<(Reference<'a>, usize, bool)>,
     /// Lanelets by type.
@@ -91,10 +96,15 @@ impl<'a> Lanelets<'a> {
             let Some(to) = xml.identity(beside, "ref").map(LaneId) else { continue };
             self.beside.push((Reference { at: beside, from: id, to, backwards: opposite }, side, opposite));
         }
-        if let Some(line) = Line::read(xml, at, id) {
-            self.lines.push(line);
+        for light in all(at, "trafficLightRef") {
+            let lights = self.statements.obeys.entry(id).or_default();
+            lights.extend(rules.named_light(xml, light));
         }
+        self.statements.stops.extend(Stop::read(xml, at, id, rules));
         let speed_limit_mps = self.speed(xml, at, rules);
+        if all(at, "laneletType").any(|kind| content(kind) == "crosswalk") {
+            self.statements.crosswalks.insert(id);
+        }
         let draft = Draft {
             element: at,
             name: id.0.to_string(),
@@ -149,18 +159,14 @@ impl<'a> Lanelets<'a> {
         }
         let mut limit_mps = None;
         for sign in all(at, "trafficSignRef") {
-            let Some(id) = xml.identity(sign, "ref") else { continue };
-            match rules.sign(id) {
-                Some(sign) => limit_mps = limit_mps.or(sign.speed_limit_mps),
-                None => xml.defect(sign, || format!("expected the identity of a traffic sign, found {id}")),
-            }
+            limit_mps = limit_mps.or(rules.named_sign(xml, sign).and_then(|sign| sign.speed_limit_mps));
         }
         limit_mps
     }
 
     /// Resolves references; those to lanelets that are missing are defects.
-    pub(super) fn resolved(self, xml: &mut Reader) -> (Drafts<'a>, Vec<Line>) {
-        let Self { mut drafts, lines, links, beside, .. } = self;
+    pub(super) fn resolved(self, xml: &mut Reader, root: Element<'a>) -> (Drafts<'a>, Statements) {
+        let Self { mut drafts, statements, links, beside, .. } = self;
         let is_there = |xml: &mut Reader, drafts: &Drafts<'a>, one: &Reference<'a>| {
             let found = drafts.contains_key(&one.to);
             if !found {
@@ -181,7 +187,14 @@ impl<'a> Lanelets<'a> {
                 drafts.entry(one.from).and_modify(|draft| draft.beside[*side] = Some(neighbour));
             }
         }
-        (drafts, lines)
+        let parts = all(root, "intersection").flat_map(|one| one.children());
+        for at in parts.flat_map(|part| part.children()).filter(|at| LANES.contains(&at.tag_name().name())) {
+            let id = at.attribute("ref").and_then(|id| id.trim().parse().ok());
+            if let Some(id) = id.filter(|id| !drafts.contains_key(&LaneId(*id))) {
+                xml.defect(at, || format!("expected the identity of a lanelet, found {id}"));
+            }
+        }
+        (drafts, statements)
     }
 }
 

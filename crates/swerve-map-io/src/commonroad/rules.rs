@@ -1,9 +1,8 @@
-//! Stop lines, traffic lights with their cycles, traffic signs, intersections.
+//! Traffic lights with their cycles, traffic signs, intersections.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use swerve_geom::Point2;
-use swerve_map::{LaneId, Map};
+use swerve_map::{LaneId, StopSign};
 
 use crate::content::{all, child, content};
 use crate::problem::quoted;
@@ -25,21 +24,12 @@ const LIMITS: [&str; 12] = [
     "C14",    // Australia
 ];
 
+/// Identities of signs that stop traffic or make it give way, in Germany and the United States.
+const STOPS: [(&str, StopSign); 4] =
+    [("206", StopSign::Stop), ("205", StopSign::Yield), ("R1-1", StopSign::Stop), ("R1-2", StopSign::Yield)];
+
 /// Colours of a light.
 const COLORS: [&str; 5] = ["red", "yellow", "redYellow", "green", "inactive"];
-
-/// A line at which vehicles stop.
-#[derive(Clone, PartialEq, Debug)]
-pub struct StopLine {
-    /// The lane that it crosses.
-    pub lane: LaneId,
-    /// Position along the lane, metres.
-    pub at_m: f64,
-    /// Identities of the traffic lights of the line and of its lanelet, in order.
-    pub lights: Vec<u32>,
-    /// Identities of the traffic signs of the line, in order.
-    pub signs: Vec<u32>,
-}
 
 /// A traffic light.
 #[derive(Clone, PartialEq, Debug)]
@@ -83,28 +73,21 @@ pub struct Sign {
     pub kinds: Vec<String>,
     /// Speed limit, m/s.
     pub speed_limit_mps: Option<f64>,
+    /// Rule for a stop line.
+    pub stop: Option<StopSign>,
     /// Position, metres; `None` if the file has none.
     pub position_m: Option<[f64; 3]>,
 }
 
 /// An intersection.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Intersection {
-    /// Identity in the file.
-    pub id: u32,
-    /// Its incoming roads.
-    pub incomings: Vec<Incoming>,
-    /// Lanes of its crossings.
-    pub crossings: Vec<LaneId>,
-}
-
-/// Lanes that enter an intersection side by side.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Incoming {
-    /// Lanes before the intersection.
-    pub lanes: Vec<LaneId>,
+pub(super) struct Intersection {
+    pub(super) id: u32,
+    /// Lanes before it.
+    pub(super) incoming: Vec<LaneId>,
     /// Lanes within it that continue them.
-    pub successors: Vec<LaneId>,
+    pub(super) inside: Vec<LaneId>,
+    /// Lanes of its crossings.
+    pub(super) crossings: Vec<LaneId>,
 }
 
 /// Rules of a file.
@@ -113,22 +96,40 @@ pub(super) struct Rules {
     pub(super) signs: Vec<Sign>,
     pub(super) intersections: Vec<Intersection>,
     sign_of: BTreeMap<u32, usize>,
+    light_ids: BTreeSet<u32>,
 }
 
 impl Rules {
     pub(super) fn read(xml: &mut Reader, root: Element<'_>) -> Self {
         let signs: Vec<Sign> = all(root, "trafficSign").filter_map(|at| sign(xml, at)).collect();
+        let lights: Vec<Light> = all(root, "trafficLight").filter_map(|at| light(xml, at)).collect();
         Self {
-            lights: all(root, "trafficLight").filter_map(|at| light(xml, at)).collect(),
+            light_ids: lights.iter().map(|light| light.id).collect(),
+            lights,
             intersections: all(root, "intersection").filter_map(|at| intersection(xml, at)).collect(),
             sign_of: signs.iter().enumerate().map(|(k, sign)| (sign.id, k)).collect(),
             signs,
         }
     }
 
-    /// The sign of an identity.
-    pub(super) fn sign(&self, id: u32) -> Option<&Sign> {
-        self.sign_of.get(&id).map(|k| &self.signs[*k])
+    /// The sign that an element names; its absence is a defect.
+    pub(super) fn named_sign(&self, xml: &mut Reader, at: Element<'_>) -> Option<&Sign> {
+        let id = xml.identity(at, "ref")?;
+        let found = self.sign_of.get(&id).map(|k| &self.signs[*k]);
+        if found.is_none() {
+            xml.defect(at, || format!("expected the identity of a traffic sign, found {id}"));
+        }
+        found
+    }
+
+    /// The light that an element names; its absence is a defect.
+    pub(super) fn named_light(&self, xml: &mut Reader, at: Element<'_>) -> Option<u32> {
+        let id = xml.identity(at, "ref")?;
+        if !self.light_ids.contains(&id) {
+            xml.defect(at, || format!("expected the identity of a traffic light, found {id}"));
+            return None;
+        }
+        Some(id)
     }
 
     /// Numbers by kind, without zeros.
@@ -154,10 +155,11 @@ fn position(xml: &mut Reader, at: Element<'_>) -> Option<[f64; 3]> {
 
 fn sign(xml: &mut Reader, at: Element<'_>) -> Option<Sign> {
     let id = xml.identity(at, "id")?;
-    let (mut kinds, mut speed_limit_mps) = (Vec::new(), None);
+    let (mut kinds, mut speed_limit_mps, mut stop) = (Vec::new(), None, None);
     for part in all(at, "trafficSignElement") {
         let name = child(part, "trafficSignID").map(content).unwrap_or_default();
         kinds.push(name.to_owned());
+        stop = stop.or_else(|| STOPS.iter().find(|(id, _)| *id == name).map(|(_, rule)| *rule));
         if LIMITS.contains(&name) {
             speed_limit_mps =
                 xml.lenient_measure(part, "additionalValue").filter(|limit_mps| *limit_mps > 0.0);
@@ -166,7 +168,7 @@ fn sign(xml: &mut Reader, at: Element<'_>) -> Option<Sign> {
             }
         }
     }
-    Some(Sign { id, kinds, speed_limit_mps, position_m: position(xml, at) })
+    Some(Sign { id, kinds, speed_limit_mps, stop, position_m: position(xml, at) })
 }
 
 fn light(xml: &mut Reader, at: Element<'_>) -> Option<Light> {
@@ -210,58 +212,10 @@ fn intersection(xml: &mut Reader, at: Element<'_>) -> Option<Intersection> {
         let all = of.children().filter(|child| names.contains(&child.tag_name().name()));
         all.filter_map(|lane| xml.identity(lane, "ref").map(LaneId)).collect()
     };
-    let incomings = all(at, "incoming").map(|incoming| Incoming {
-        lanes: lanes(incoming, &["incomingLanelet"]),
-        successors: lanes(incoming, &["successorsRight", "successorsStraight", "successorsLeft"]),
-    });
-    let incomings = incomings.collect();
+    let roads: Vec<_> = all(at, "incoming").collect();
+    let mut of_roads = |names: &[&str]| roads.iter().flat_map(|road| lanes(*road, names)).collect();
+    let incoming = of_roads(&["incomingLanelet"]);
+    let inside = of_roads(&["successorsRight", "successorsStraight", "successorsLeft"]);
     let crossings = all(at, "crossing").flat_map(|crossing| lanes(crossing, &["crossingLanelet"])).collect();
-    Some(Intersection { id, incomings, crossings })
-}
-
-/// Stop line of a lanelet as in the file.
-pub(super) struct Line {
-    lane: LaneId,
-    /// No point, or its ends.
-    points: Vec<Point2>,
-    lights: Vec<u32>,
-    signs: Vec<u32>,
-}
-
-impl Line {
-    pub(super) fn read(xml: &mut Reader, lanelet: Element<'_>, lane: LaneId) -> Option<Self> {
-        let at = child(lanelet, "stopLine")?;
-        let points: Vec<Point2> = all(at, "point")
-            .map(|point| Point2::new(xml.measure(point, "x"), xml.measure(point, "y")))
-            .collect();
-        let mut named = |of: Element<'_>, name| -> Vec<u32> {
-            all(of, name).filter_map(|one| xml.identity(one, "ref")).collect()
-        };
-        let mut lights = named(lanelet, "trafficLightRef");
-        lights.extend(named(at, "trafficLightRef"));
-        let mut signs = named(at, "trafficSignRef");
-        for ids in [&mut lights, &mut signs] {
-            ids.sort_unstable();
-            ids.dedup();
-        }
-        Some(Self { lane, points, lights, signs })
-    }
-}
-
-/// Places of stop lines on the lanes of a map. Without a position, a line is at the end of its lane.
-pub(super) fn stops(map: &Map, lines: &[Line]) -> Vec<StopLine> {
-    let place = |line: &Line| {
-        let lane = map.lane(line.lane)?;
-        let length_m = lane.line.length();
-        let at_m = match line.points[..] {
-            [] => length_m,
-            [at] => lane.line.project(at).s_m,
-            [from, to, ..] => lane.line.project(from + (to - from) * 0.5).s_m,
-        };
-        let (lights, signs) = (line.lights.clone(), line.signs.clone());
-        Some(StopLine { lane: line.lane, at_m: at_m.clamp(0.0, length_m), lights, signs })
-    };
-    let mut stops: Vec<StopLine> = lines.iter().filter_map(place).collect();
-    stops.sort_by(|a, b| a.lane.cmp(&b.lane).then(a.at_m.total_cmp(&b.at_m)));
-    stops
+    Some(Intersection { id, incoming, inside, crossings })
 }

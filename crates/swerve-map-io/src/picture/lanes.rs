@@ -1,10 +1,10 @@
 //! Picture of a lane map: lanes filled by kind, their centre lines, the elements on them, a route.
 
 use swerve_draw::{Canvas, Picture, Style, Text, color, legend};
-use swerve_geom::FrenetPoint;
-use swerve_map::{Lane, LaneKind, Map};
+use swerve_map::{LaneKind, Map};
 
 use super::{BOTTOM, CONNECTION, LEFT, RIGHT, WIDTH, axes, entries, fill};
+use crate::draft::outline;
 use crate::features;
 use crate::route::Way;
 
@@ -19,7 +19,7 @@ pub fn draw(map: &Map, [x, y]: [[f64; 2]; 2], title: &str, way: Option<&Way>) ->
     canvas.begin_clip(axes.corner, axes.size);
     for lane in map.lanes() {
         let style = Style::fill(fill(lane.kind)).outlined(color::PAPER, 0.5);
-        canvas.path(outline(lane).iter().map(|&(x_m, y_m)| axes.at(x_m, y_m)), true, style);
+        canvas.path(outline(lane).iter().map(|p| axes.at(p.x_m, p.y_m)), true, style);
     }
     for lane in map.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
         canvas.path(lane.line.points().iter().map(|p| axes.at(p.x_m, p.y_m)), false, CONNECTION);
@@ -36,24 +36,4 @@ pub fn draw(map: &Map, [x, y]: [[f64; 2]; 2], title: &str, way: Option<&Way>) ->
     axes.name_below(&mut canvas, "x (m)");
     axes.name_left(&mut canvas, "y", "m");
     canvas.finish(WIDTH, axes.corner.1 + axes.size.1 + BOTTOM, title)
-}
-
-/// Corners of a lane: its left border forwards, its right border backwards.
-fn outline(lane: &Lane) -> Vec<(f64, f64)> {
-    let mut stations_m = vec![0.0];
-    for two in lane.line.points().windows(2) {
-        stations_m.push(stations_m[stations_m.len() - 1] + two[0].distance(two[1]));
-    }
-    let side = |sign: f64| {
-        let borders = &lane.borders;
-        let border = if sign > 0.0 { borders.left() } else { borders.right() };
-        let at = |s_m: f64| {
-            let point = lane.line.to_map(FrenetPoint { s_m, d_m: sign * border.at(s_m) });
-            (point.x_m, point.y_m)
-        };
-        stations_m.iter().map(|s_m| at(*s_m)).collect::<Vec<_>>()
-    };
-    let mut corners = side(1.0);
-    corners.extend(side(-1.0).into_iter().rev());
-    corners
 }

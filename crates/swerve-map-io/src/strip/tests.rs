@@ -65,7 +65,7 @@ fn borders_are_exact_beside_any_centre_line() {
     ];
     for (name, left, right) in cases {
         let (left, right) = (points(left), points(right));
-        let center = centered(&left, &right, None);
+        let center = rounded(&dense(&centered(&left, &right, None)));
         let line = Polyline::new(&center).unwrap();
         let borders = measured(&center, &left, &right);
         let worst_m = worst_m(&line, &borders, [&left, &right]);
@@ -85,7 +85,7 @@ fn borders_are_exact_beside_any_centre_line() {
 #[test]
 fn straight_lanes_have_constant_borders() {
     let (left, right) = (points(&[(0.3, 2.0), (30.1, 2.0)]), points(&[(0.3, -1.5), (30.1, -1.5)]));
-    let center = centered(&left, &right, None);
+    let center = rounded(&dense(&centered(&left, &right, None)));
     assert_eq!(measured(&center, &left, &right), Borders::constant(1.75, 1.75));
     assert!(center.windows(2).all(|two| two[0].distance(two[1]) <= STEP_M + 1e-9));
 }
@@ -94,7 +94,7 @@ fn straight_lanes_have_constant_borders() {
 fn centre_line_of_the_file_is_kept() {
     let (left, right) = (points(&[(0.0, 2.0), (30.0, 2.0)]), points(&[(0.0, -2.0), (30.0, -2.0)]));
     let given = points(&[(0.0, 0.5), (11.0, 0.5), (30.0, 0.5)]);
-    let center = centered(&left, &right, Some(&given));
+    let center = rounded(&dense(&centered(&left, &right, Some(&given))));
     assert_eq!(measured(&center, &left, &right), Borders::constant(1.5, 2.5));
     assert!(center.contains(&Point2::new(11.0, 0.5)), "{center:?}");
 }

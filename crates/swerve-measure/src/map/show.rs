@@ -5,13 +5,12 @@ mod network;
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow};
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
-use swerve_map_io::FILE_MAX;
 use swerve_map_io::commonroad::{self, Centers};
 use swerve_map_io::format::Format;
-use swerve_map_io::sumo;
+use swerve_map_io::{FILE_MAX, lanelet2, sumo};
 use swerve_text::{decoded, read_given};
 
 #[derive(clap::Args, Debug)]
@@ -65,8 +64,8 @@ pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
         Format::CommonRoad => {
             lanes::show(args, &source, &commonroad::read(file, &source.text, Centers::Rounded)?.lanes)?
         }
+        Format::Lanelet2 => lanes::show(args, &source, &lanelet2::read(file, &source.text)?.lanes)?,
         Format::Sumo => lanes::show(args, &source, &sumo::read(file, &source.text)?.lanes)?,
-        Format::Lanelet2 => bail!("{file}: expected an OpenDRIVE, CommonRoad or SUMO file"),
     };
     if let Some(out) = args.out.as_ref().filter(|_| !args.json && !args.links && args.sample.is_none()) {
         text.push_str(&format!("{}\n", out.display()));

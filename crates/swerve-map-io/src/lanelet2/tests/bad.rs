@@ -1,0 +1,1 @@
+//! Invalid and hostile files.
