@@ -54,6 +54,7 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
     assert_eq!((bus.left, bus.right), (beside("in_2"), beside("in_0")));
     assert_eq!((car.left, car.right), (None, beside("in_1")));
     let left_hand = self::net(&SMALL.replace("<net ", "<net lefthand=\"true\" "));
+    assert_eq!(left_hand.lanes.format, "SUMO 1.20, left-hand traffic");
     let bus = left_hand.lanes.map.lane(id(&left_hand, "in_1")).unwrap();
     assert_eq!((left_hand.left_hand, bus.left, bus.right), (true, beside("in_0"), beside("in_2")));
     // Both begin at one place: not beside each other.
