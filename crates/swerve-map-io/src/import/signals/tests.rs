@@ -169,6 +169,37 @@ fn stop_lines_of_the_file_take_their_lights_and_signs() {
 }
 
 #[test]
+fn stop_lines_in_another_lane_section_take_their_lights() {
+    let lane = "<validity fromLane=\"-1\" toLane=\"-1\"/></signal>";
+    let signals = |line: f64, light: f64| {
+        let line = signal("line", line, "294", &format!(">{lane}"));
+        line + &signal("a", light, "1000001", &format!(">{lane}"))
+    };
+    // A second section begins at 95 m.
+    let split = |text: String| {
+        let link = |name: &str| format!(r#"<link><{name} id="-1"/></link>"#);
+        let section = |s: f64, name: &str| {
+            format!(
+                r#"<laneSection s="{s}"><right><lane id="-1" type="driving">{}
+                <width sOffset="0" a="3" b="0" c="0" d="0"/></lane></right></laneSection>"#,
+                link(name)
+            )
+        };
+        let begin = text.find("<laneSection").unwrap();
+        let end = text.find("</laneSection>").unwrap() + "</laneSection>".len();
+        let sections = section(0.0, "successor") + &section(95.0, "predecessor");
+        format!("{}{sections}{}", &text[..begin], &text[end..])
+            .replace(r#"<laneLink from="-2" to="-2"/>"#, "")
+            .replace(r#"<predecessor id="-2"/>"#, "")
+    };
+    let found = |line: f64, light: f64| stops(&split(with_signals(&signals(line, light), "")));
+    let at = |s_m: f64, name: &str| ("r-1".to_owned(), s_m, name.to_owned(), None);
+    assert_eq!(found(90.0, 98.0), [at(90.0, "a")]);
+    assert_eq!(found(97.0, 94.0), [at(2.0, "a")]);
+    assert_eq!(found(70.0, 98.0), [at(70.0, ""), at(3.0, "a")], "too far");
+}
+
+#[test]
 fn signs_of_other_countries_are_known() {
     for (country, kind, subtype, sign) in [
         ("US", "R1-1", "", Some(StopSign::Stop)),
