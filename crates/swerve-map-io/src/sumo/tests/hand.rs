@@ -158,12 +158,6 @@ fn crossings_and_walking_areas_are_polygons() {
     assert_eq!(corners, [(10.0, -8.0), (10.0, 2.0), (14.0, 2.0), (14.0, -8.0)]);
     let [area] = net.lanes.map.areas() else { panic!("{:?}", net.lanes.map.areas()) };
     assert_eq!((&*area.name, area.kind, area.outline.len()), (":J_w0", AreaKind::Walking, 4));
-    let outlined = SMALL.replace(
-        "index=\"0\" allow=\"pedestrian\" speed=\"2.78\" length=\"10.00\"",
-        "$0 outlineShape=\"110,40 114,40 112,60\"",
-    );
-    let outlined = outlined.replace("$0", "index=\"0\" allow=\"pedestrian\" speed=\"2.78\" length=\"10.00\"");
-    assert_eq!(self::net(&outlined).lanes.map.crossings()[0].outline.len(), 3);
 }
 
 #[test]
