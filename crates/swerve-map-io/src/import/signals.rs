@@ -6,12 +6,12 @@
 use core::f64::consts::PI;
 use std::collections::BTreeMap;
 
-use swerve_geom::wrap_angle;
+use swerve_geom::{Point2, wrap_angle};
 use swerve_map::{LaneId, LaneKind, SignalId, StopLine, StopSign};
 
 use super::ImportError;
 use super::places::{Places, Scope};
-use crate::opendrive::{Object, Signal, SignalReference};
+use crate::opendrive::{Object, Physical, Signal, SignalReference};
 
 /// Largest distance along the lane between a light or sign and its stop line, if the file does not relate them, metres.
 const LINE_M: f64 = 20.0;
@@ -137,15 +137,26 @@ fn light(
     signal: &Signal,
     (id, lanes, controller): (SignalId, Vec<LaneId>, Option<String>),
 ) -> swerve_map::Signal {
-    let place = places.network.place(&places.network.roads[road], signal.s_m, signal.t_m);
+    let network = places.network;
+    let place = network.place(&network.roads[road], signal.s_m, signal.t_m);
     // A signal for traffic in the direction of s shines against it.
     let turned_rad = if signal.orientation == "-" { 0.0 } else { PI };
+    let (position, height_m) = match &signal.physical {
+        Some(Physical::Road { road, s_m, t_m, z_offset_m }) if network.road_of.contains_key(road) => {
+            (places.point(network.road_of[road], *s_m, *t_m), *z_offset_m)
+        }
+        Some(Physical::Inertial(at)) => {
+            let [x_m, y_m, z_m] = network.projected(*at);
+            (Point2::new(x_m, y_m), z_m - place.position_m[2])
+        }
+        _ => (places.point(road, signal.s_m, signal.t_m), signal.z_offset_m),
+    };
     swerve_map::Signal {
         id,
         name: signal.id.clone(),
-        position: places.point(road, signal.s_m, signal.t_m),
+        position,
         heading_rad: wrap_angle(place.reference_heading_rad + turned_rad + signal.heading_rad),
-        height_m: Some(signal.z_offset_m),
+        height_m: Some(height_m),
         lanes,
         controller,
     }

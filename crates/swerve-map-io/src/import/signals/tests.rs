@@ -131,6 +131,21 @@ fn lights_hold_for_lanes_of_their_direction_and_validity() {
 }
 
 #[test]
+fn lights_are_at_their_physical_position_and_hold_where_the_road_states_it() {
+    let at = |position: &str| {
+        let light = signal("a", 98.0, "1000001", &format!(">{position}</signal>"));
+        let (_, imported) = imported(&with_signals(&light, ""));
+        let light = &imported.map.signals()[0];
+        let stops: Vec<f64> =
+            imported.map.stop_lines().iter().map(|line| (line.s_m * 1e6).round() / 1e6).collect();
+        assert_eq!(stops, [98.0, 98.0]);
+        (light.position.x_m, light.position.y_m, light.height_m.unwrap())
+    };
+    assert_eq!(at(r#"<positionRoad roadId="s" s="15" t="2" zOffset="5"/>"#), (115.0, 2.0, 5.0));
+    assert_eq!(at(r#"<positionInertial x="120" y="-9" z="4.5" hdg="0"/>"#), (120.0, -9.0, 4.5));
+}
+
+#[test]
 fn stop_lines_of_the_file_take_their_lights_and_signs() {
     let at = |s: f64, name: &str, sign| vec![("r-1".into(), s, name.to_owned(), sign)];
     let lane = "<validity fromLane=\"-1\" toLane=\"-1\"/></signal>";
