@@ -8,23 +8,35 @@
 //! another ends are its successors. A driving lane with `one_way=no` is two lanes, one for each direction. Lanes are
 //! numbered in the order of the identities of their relations, those against the direction of a lanelet at the end.
 //!
+//! **Rules.** Traffic lights are signals, with the lanelets that name their regulatory element and stop lines at its
+//! `ref_line`. Signs that stop traffic or make it give way, rights of way, stops of all ways and crosswalks put rules at
+//! stop lines. Lanelets with the same `intersection_area`, or of one right of way, are a junction. Ways with `area=yes`,
+//! parking spaces and multipolygons are areas. Other regulatory elements are counted.
+//!
 //! **Source.** Poggenhans et al., "Lanelet2: a high-definition map framework for the future of automated driving", 2018,
 //! and the pages on tagging of Lanelet2 and of Autoware's extensions.
 
+mod areas;
 mod beside;
+mod features;
+mod junctions;
 mod lanelets;
 mod osm;
 mod rules;
+mod stops;
 mod tags;
 mod tangent;
 
 use std::collections::BTreeMap;
 
-use crate::draft::{Drafts, assemble};
+use swerve_map::LaneId;
+
+use crate::draft::{Drafts, assemble, with_features};
 use crate::lane_map::LaneMap;
 use crate::problem::Problems;
 use crate::xml::{Reader, parse};
 
+use features::Lanes;
 use osm::Osm;
 use rules::Rules;
 
@@ -57,10 +69,17 @@ pub fn read(file: &str, text: &str) -> Result<Lanelet2, Problems> {
     }
     beside::neighbours(&mut xml, &osm, &mut lanes);
     beside::successors(&mut xml, &mut lanes);
+    let of_lanes: Vec<(i64, LaneId)> =
+        lanes.iter().enumerate().map(|(k, lane)| (lane.relation, lanelets::lane_id(k))).collect();
     let drafts: Drafts<'_> =
         lanes.into_iter().enumerate().map(|(k, lane)| (lanelets::lane_id(k), lane.draft)).collect();
     let names = drafts.iter().map(|(id, draft)| (*id, draft.name.clone())).collect();
     let made = if xml.faults() == 0 { assemble(&mut xml, drafts, root) } else { None };
+    let made = made.and_then(|(map, gaps)| {
+        let lanes = Lanes::new(&osm, &map, &of_lanes);
+        let features = features::features(&mut xml, &osm, &map, &rules, &lanes);
+        Some((with_features(&mut xml, map, features, root)?, gaps))
+    });
     let (faults, defects, unknown) = xml.finish(file, text);
     let Some((map, gaps)) = made.filter(|_| faults.count() == 0) else { return Err(faults.with(&defects)) };
     let heights = osm.nodes.values().filter_map(|node| node.z_m);

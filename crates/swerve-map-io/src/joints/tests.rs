@@ -41,7 +41,10 @@ fn gaps_are_closed_up_to_half_a_metre_and_listed() {
         assert_eq!(first.successors.contains(&LaneId(2)), is_joined, "{dx} {dy}");
         assert_eq!(lanes.gaps.len(), usize::from(is_listed), "{dx} {dy}");
         if let [gap] = &lanes.gaps[..] {
-            assert!((gap.gap_m - dx.hypot(dy)).abs() < 1e-9 && gap.joined == is_joined, "{gap:?}");
+            assert!(
+                (gap.gap_m - swerve_geom::math::hypot(dx, dy)).abs() < 1e-9 && gap.joined == is_joined,
+                "{gap:?}"
+            );
             assert_eq!(gap.ends, "lane 1 at its end and lane 2 at its start");
         }
         let [end, start] = [first.line.points()[first.line.points().len() - 1], second.line.points()[0]];

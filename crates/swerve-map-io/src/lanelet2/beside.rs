@@ -68,23 +68,25 @@ pub(super) fn successors(xml: &mut Reader, lanes: &mut [Lanelet<'_>]) {
         begins.entry(ends(lanelet, 0)).or_default().push(lane);
     }
     let mut has_before = vec![false; lanes.len()];
-    for lane in 0..lanes.len() {
-        let next = begins.get(&ends(&lanes[lane], 1)).map_or(&[][..], Vec::as_slice);
+    for (lane, lanelet) in lanes.iter_mut().enumerate() {
+        let next = begins.get(&ends(lanelet, 1)).map_or(&[][..], Vec::as_slice);
         if next.len() > LANES_MAX {
-            xml.defect(lanes[lane].draft.element, || {
-                format!("expected at most {LANES_MAX} lanes at its end")
-            });
+            xml.defect(lanelet.draft.element, || format!("expected at most {LANES_MAX} lanes at its end"));
         }
         let next: Vec<usize> = next.iter().copied().filter(|next| *next != lane).take(LANES_MAX).collect();
         next.iter().for_each(|next| has_before[*next] = true);
-        lanes[lane].draft.successors = next.into_iter().map(lane_id).collect();
+        lanelet.draft.successors = next.into_iter().map(lane_id).collect();
     }
     let cells = cells(lanes);
-    for lane in 0..lanes.len() {
-        let is_open = lanes[lane].draft.successors.is_empty();
-        let near = near(lanes, &cells, lane).filter(|next| is_open || !has_before[*next]);
-        let near: Vec<LaneId> = near.take(LANES_MAX).map(lane_id).collect();
-        lanes[lane].draft.successors.extend(near);
+    let near: Vec<Vec<LaneId>> = (0..lanes.len())
+        .map(|lane| {
+            let is_open = lanes[lane].draft.successors.is_empty();
+            let near = near(lanes, &cells, lane).filter(|next| is_open || !has_before[*next]);
+            near.take(LANES_MAX).map(lane_id).collect()
+        })
+        .collect();
+    for (lanelet, near) in lanes.iter_mut().zip(near) {
+        lanelet.draft.successors.extend(near);
     }
 }
 

@@ -127,7 +127,8 @@ impl<'a> Osm<'a> {
         osm
     }
 
-    /// Position by latitude and longitude; the first one is the origin.
+    /// Position by latitude and longitude, of which the first one is the origin. Where they are wrong, which is a fault,
+    /// it is the origin.
     fn globe_place(
         &mut self,
         xml: &mut Reader,
@@ -142,7 +143,7 @@ impl<'a> Osm<'a> {
             }
         }
         if xml.faults() > faults {
-            return None;
+            return Some(Point2::new(0.0, 0.0));
         }
         let tangent = tangent.get_or_insert_with(|| {
             self.origin_deg = Some(place_deg);
@@ -153,15 +154,16 @@ impl<'a> Osm<'a> {
     }
 }
 
+/// Position by local coordinates; `None` without them. Where they are wrong, which is a fault, it is the origin.
 fn local_place(xml: &mut Reader, at: Element<'_>) -> Option<Point2> {
-    let mut coordinate = |key| {
-        let tag = tag_element(at, key)?;
-        number(tag.attribute("v").unwrap_or_default())
-            .map_err(|message| xml.fault_in(tag, "v", || message))
-            .ok()
+    let [x, y] = ["local_x", "local_y"].map(|key| tag_element(at, key));
+    let mut coordinate = |tag: Element<'_>| {
+        number(tag.attribute("v").unwrap_or_default()).unwrap_or_else(|message| {
+            xml.fault_in(tag, "v", || message);
+            0.0
+        })
     };
-    let [x, y] = ["local_x", "local_y"].map(&mut coordinate);
-    Some(Point2::new(x?, y?))
+    Some(Point2::new(coordinate(x?), coordinate(y?)))
 }
 
 /// Identity of an element, or one that it names: a whole number of 64 bits.

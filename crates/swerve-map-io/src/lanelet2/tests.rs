@@ -1,6 +1,7 @@
 //! Maps made by `tests/reference/lanelet2/make.py`, Lanelet2 itself as the oracle, and invalid files.
 
 mod bad;
+mod junction;
 mod oracle;
 
 use swerve_map::{Lane, LaneId, LaneKind, Neighbour};

@@ -23,12 +23,15 @@ pub(crate) fn worst_m(lane: &Polyline, borders: &Borders, [left, right]: [&[Poin
     worst_m
 }
 
+/// Coordinates of a line.
+type Line = Vec<(f64, f64)>;
+
 fn points(line: &[(f64, f64)]) -> Vec<Point2> {
     line.iter().map(|&(x, y)| Point2::new(x, y)).collect()
 }
 
 /// A line beside a circle of 20 m about the origin, from 0° to 90°, with `count` pieces.
-fn arc(radius_m: f64, count: usize) -> Vec<(f64, f64)> {
+fn arc(radius_m: f64, count: usize) -> Line {
     let at = |k: usize| {
         let (sin, cos) = math::sin_cos(core::f64::consts::FRAC_PI_2 * k as f64 / count as f64);
         (radius_m * cos, radius_m * sin)
@@ -38,7 +41,7 @@ fn arc(radius_m: f64, count: usize) -> Vec<(f64, f64)> {
 
 #[test]
 fn borders_are_exact_beside_any_centre_line() {
-    let cases: &[(&str, Vec<(f64, f64)>, Vec<(f64, f64)>)] = &[
+    let cases: &[(&str, Line, Line)] = &[
         ("straight", vec![(0.0, 2.0), (30.0, 2.0)], vec![(0.0, -2.0), (30.0, -2.0)]),
         (
             "one sparse, one dense",
