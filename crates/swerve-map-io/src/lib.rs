@@ -1,4 +1,4 @@
-//! Maps of other programs: the reader of ASAM OpenDRIVE 1.4 to 1.8.
+//! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, and of SUMO, CommonRoad and Lanelet2.
 //!
 //! [`opendrive::Network`] is a file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
 //! objects. It is evaluated exactly, at a road, lane section, lane and arc length ([`opendrive::Network::sample`]), in
@@ -6,6 +6,8 @@
 //! [`import`](import::import) makes the [`swerve_map::Map`] of it, on the flat projection. [`links`] measures how lane
 //! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] finds lanes from a
 //! place to another.
+//!
+//! [`sumo`], [`commonroad`] and [`lanelet2`] make a [`lane_map::LaneMap`] of a file, whose summary is in [`overview`].
 //!
 //! **Errors.** All [`Problems`] of a file at once, each with line, column and element. A file with *faults* is not read:
 //! numbers that are missing or not finite, unsorted or duplicate records, lane identities with holes. *Defects* leave the
