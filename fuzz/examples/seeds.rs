@@ -42,6 +42,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("lanelet2", "crates/swerve-map-io/maps", "osm"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
         ("opendrive", "crates/swerve-map-io/maps", "xodr"),
+        ("sumo", "crates/swerve-map-io/maps", "xml"),
     ];
     for (target, from, ending) in of {
         for entry in std::fs::read_dir(root.join(from)).with_context(|| from.to_owned())? {

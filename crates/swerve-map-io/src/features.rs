@@ -31,10 +31,9 @@ pub(crate) fn json(map: &Map) -> Value {
     Value::Object(counts(map).into_iter().map(entry).collect::<Object<String, Value>>())
 }
 
-/// Style of a stop line in a legend.
-pub(crate) const STOP_LINE: Style = Style::line(color::INK, STOP_WIDTH);
+/// Style of stop lines.
+pub(crate) const STOP_LINE: Style = Style::line(color::INK, 2.0);
 
-const STOP_WIDTH: f64 = 2.0;
 const CROSSING: Style = Style::fill(color::PAPER).filled_by(0.7).outlined(color::INK, 0.8);
 const LIGHT: Style = Style::fill(color::ALARM);
 
@@ -71,7 +70,7 @@ pub(crate) fn draw_stop_lines(canvas: &mut Canvas, map: &Map, axes: &Axes) {
         };
         canvas.begin_titled(&title(map, stop));
         let ends = [end(lane.borders.left_m(stop.s_m)), end(-lane.borders.right_m(stop.s_m))];
-        canvas.path(ends, false, Style::line(stop_color(stop), STOP_WIDTH));
+        canvas.path(ends, false, STOP_LINE);
         canvas.end_titled();
     }
 }
@@ -87,15 +86,6 @@ fn title(map: &Map, stop: &StopLine) -> String {
     let signals: String = signals.collect();
     let signals = if signals.is_empty() { signals } else { format!(", signals{signals}") };
     format!("stop line{signals}{sign}")
-}
-
-fn stop_color(stop: &StopLine) -> Color {
-    match stop.sign {
-        _ if !stop.signals.is_empty() => color::ALARM,
-        Some(StopSign::Stop) => color::STOPPED,
-        Some(StopSign::Yield) => color::SIGHT,
-        None => color::INK,
-    }
 }
 
 fn area_color(kind: AreaKind) -> Color {

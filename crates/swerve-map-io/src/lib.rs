@@ -17,8 +17,7 @@
 //! every machine.
 //!
 //! Excluded: writing, geodesy (`geoReference` is text), OpenCRG and 1.8's surface strips, lane heights (kept, not added
-//! to z), lanes at a place within a road (virtual connections), single-sided lane sections on roads with lanes on both
-//! sides, railways, commands and files other than those passed in as text.
+//! to z), railways, commands and files other than those passed in as text.
 
 pub mod commonroad;
 mod content;

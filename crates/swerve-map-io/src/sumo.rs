@@ -150,6 +150,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
             return None;
         }
     };
+    let traffic = if left_hand { ", left-hand traffic" } else { "" };
     let contents = [
         ("edges", edges.len()),
         ("connections", connections.len()),
@@ -157,7 +158,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
         ("lanes left out", left_out),
     ];
     let lanes = LaneMap {
-        format: format!("SUMO {}", optional(root, "version")).trim().to_owned(),
+        format: format!("SUMO {}", optional(root, "version")).trim().to_owned() + traffic,
         map,
         names,
         types,

@@ -132,7 +132,10 @@ impl Features {
         crossings.iter_mut().for_each(|crossing| once(&mut crossing.lanes));
         junctions.sort_by_key(|junction| junction.id);
         signals.sort_by_key(|signal| signal.id);
-        stop_lines.sort_by(|a, b| a.lane.cmp(&b.lane).then(a.s_m.total_cmp(&b.s_m)));
+        stop_lines.sort_by(|a, b| {
+            let place = a.lane.cmp(&b.lane).then(a.s_m.total_cmp(&b.s_m));
+            place.then_with(|| (&a.signals, a.sign).cmp(&(&b.signals, b.sign)))
+        });
         crossings.sort_by_key(|crossing| crossing.id);
         areas.sort_by_key(|area| area.id);
     }

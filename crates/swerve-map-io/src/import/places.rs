@@ -1,6 +1,7 @@
 //! Lanes of the map at places of the network.
 
 use core::cell::Cell;
+use std::collections::BTreeMap;
 
 use swerve_geom::Point2;
 use swerve_map::{Lane, LaneId, LaneKind};
@@ -50,6 +51,18 @@ impl<'b> Places<'b> {
 
     pub(super) fn lane_at(&self, road: usize, section: usize, lane: i32) -> Option<LaneId> {
         self.build.lane_at((road, section, lane))
+    }
+
+    /// The lane before each lane, and the lane after it, on the same road; the first of several.
+    pub(super) fn along_roads(&self) -> (BTreeMap<LaneId, LaneId>, BTreeMap<LaneId, LaneId>) {
+        let (mut before, mut after) = (BTreeMap::new(), BTreeMap::new());
+        for (lane, source) in self.lanes() {
+            for next in lane.successors.iter().filter(|next| self.source(**next).road == source.road) {
+                before.entry(*next).or_insert(lane.id);
+                after.entry(lane.id).or_insert(*next);
+            }
+        }
+        (before, after)
     }
 
     /// Counts references to lanes.

@@ -6,15 +6,18 @@
 use core::f64::consts::PI;
 use std::collections::BTreeMap;
 
-use swerve_geom::wrap_angle;
+use swerve_geom::{Point2, wrap_angle};
 use swerve_map::{LaneId, LaneKind, SignalId, StopLine, StopSign};
 
 use super::ImportError;
 use super::places::{Places, Scope};
-use crate::opendrive::{Object, Signal, SignalReference};
+use crate::opendrive::{Object, Physical, Signal, SignalReference};
 
 /// Largest distance along the lane between a light or sign and its stop line, if the file does not relate them, metres.
 const LINE_M: f64 = 20.0;
+
+/// Most lane sections between a light or sign and its stop line.
+const SECTIONS_MAX: usize = 8;
 
 /// Lights and signs closer than this along the lane share a stop line, metres.
 const SHARED_M: f64 = 1.0;
@@ -83,7 +86,7 @@ pub(super) fn signals(places: &Places<'_>) -> Result<(Vec<swerve_map::Signal>, V
             }
         }
     }
-    Ok((signals, stop_lines(marks)))
+    Ok((signals, stop_lines(places, marks)))
 }
 
 const VEHICLES: [LaneKind; 2] = [LaneKind::Driving, LaneKind::Cycling];
@@ -134,22 +137,34 @@ fn light(
     signal: &Signal,
     (id, lanes, controller): (SignalId, Vec<LaneId>, Option<String>),
 ) -> swerve_map::Signal {
-    let place = places.network.place(&places.network.roads[road], signal.s_m, signal.t_m);
+    let network = places.network;
+    let place = network.place(&network.roads[road], signal.s_m, signal.t_m);
     // A signal for traffic in the direction of s shines against it.
     let turned_rad = if signal.orientation == "-" { 0.0 } else { PI };
+    let (position, height_m) = match &signal.physical {
+        Some(Physical::Road { road, s_m, t_m, z_offset_m }) if network.road_of.contains_key(road) => {
+            (places.point(network.road_of[road], *s_m, *t_m), *z_offset_m)
+        }
+        Some(Physical::Inertial(at)) => {
+            let [x_m, y_m, z_m] = network.projected(*at);
+            (Point2::new(x_m, y_m), z_m - place.position_m[2])
+        }
+        _ => (places.point(road, signal.s_m, signal.t_m), signal.z_offset_m),
+    };
     swerve_map::Signal {
         id,
         name: signal.id.clone(),
-        position: places.point(road, signal.s_m, signal.t_m),
+        position,
         heading_rad: wrap_angle(place.reference_heading_rad + turned_rad + signal.heading_rad),
-        height_m: Some(signal.z_offset_m),
+        height_m: Some(height_m),
         lanes,
         controller,
     }
 }
 
 /// Stop lines of all marks: of each lane its own lines first, then the places of lights and signs without one.
-fn stop_lines(mut marks: Vec<Mark<'_>>) -> Vec<StopLine> {
+fn stop_lines(places: &Places<'_>, mut marks: Vec<Mark<'_>>) -> Vec<StopLine> {
+    move_to_lines(places, &mut marks);
     let is_line = |mark: &Mark<'_>| mark.what == What::Line;
     marks.sort_by(|a, b| {
         let order = a.lane.cmp(&b.lane).then(is_line(b).cmp(&is_line(a)));
@@ -162,6 +177,45 @@ fn stop_lines(mut marks: Vec<Mark<'_>>) -> Vec<StopLine> {
         lines.extend(lines_of_lane(drawn, others));
     }
     lines
+}
+
+/// Moves lights and signs without a line on their lane to the nearest line on the lanes before or after it on the road:
+/// a lane section may begin between the two.
+fn move_to_lines(places: &Places<'_>, marks: &mut [Mark<'_>]) {
+    let mut drawn: BTreeMap<LaneId, Vec<f64>> = BTreeMap::new();
+    for mark in marks.iter().filter(|mark| mark.what == What::Line) {
+        drawn.entry(mark.lane).or_default().push(mark.s_m);
+    }
+    if drawn.is_empty() {
+        return;
+    }
+    let (before, after) = places.along_roads();
+    for mark in marks.iter_mut().filter(|mark| mark.what != What::Line) {
+        if drawn.contains_key(&mark.lane) {
+            continue;
+        }
+        let rest_m = places.lane(mark.lane).line.length() - mark.s_m;
+        let found = [(&before, mark.s_m, true), (&after, rest_m, false)].map(|(next, off_m, is_before)| {
+            let (mut lane, mut off_m) = (mark.lane, off_m);
+            for _ in 0..SECTIONS_MAX {
+                lane = *next.get(&lane)?;
+                let length_m = places.lane(lane).line.length();
+                let off = |s_m: f64| off_m + if is_before { length_m - s_m } else { s_m };
+                let near = drawn.get(&lane).into_iter().flatten().map(|s_m| (off(*s_m), lane, *s_m));
+                if let Some(found) = near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                    return Some(found).filter(|found| found.0 <= LINE_M);
+                }
+                off_m += length_m;
+                if off_m > LINE_M {
+                    return None;
+                }
+            }
+            None
+        });
+        if let Some((_, lane, s_m)) = found.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0)) {
+            (mark.lane, mark.s_m) = (lane, s_m);
+        }
+    }
 }
 
 /// Stop lines of a lane from its lines and from its lights and signs, both in order.

@@ -42,8 +42,28 @@ pub struct Signal {
     pub size_m: [f64; 2],
     /// Lanes that it is for; empty for all.
     pub validity: Vec<Validity>,
+    /// Position of the signal itself, if it is not where the signal holds (`<positionRoad>`, `<positionInertial>`).
+    pub physical: Option<Physical>,
     /// Signals that depend on it or that it depends on (`<dependency>`, `<reference>`), by identity.
     pub related: Vec<String>,
+}
+
+/// Position of a signal that is not where it holds.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Physical {
+    /// Beside a road.
+    Road {
+        /// Identity of the road.
+        road: String,
+        /// Along the road, metres.
+        s_m: f64,
+        /// To the left of its reference line, metres.
+        t_m: f64,
+        /// Height over the road, metres.
+        z_offset_m: f64,
+    },
+    /// In the frame of the file, metres.
+    Inertial([f64; 3]),
 }
 
 /// A signal of another road that holds for this one, too.

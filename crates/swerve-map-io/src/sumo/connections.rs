@@ -101,7 +101,7 @@ fn missing<'n>(
 ) {
     xml.defect(at, || {
         let hint = did_you_mean(name, known.take(COMPARED_MAX));
-        format!("`{attribute}`: expected the identity of a {kind}, found {}{hint}", quoted(name))
+        format!("`{attribute}`: no {kind} is named {}{hint}", quoted(name))
     });
 }
 

@@ -124,9 +124,10 @@ impl<'a> Edges<'a> {
         };
         let Some(id) = at.attribute("id") else { return xml.missing(at, "id") };
         let number = self.edges.len();
-        if self.edge_of.insert(id, number).is_some() {
+        if self.edge_of.contains_key(id) {
             return twice(xml, at, id);
         }
+        self.edge_of.insert(id, number);
         self.edges.push(Edge { element: at, id, function, lanes: Vec::new() });
         for child in children.into_iter().filter(|child| child.has_tag_name("lane")) {
             // The order counts, as for SUMO; netconvert numbers some lanes inside junctions wrongly.
@@ -152,13 +153,14 @@ impl<'a> Edges<'a> {
             self.heights_m = Some([a.min(low), b.max(high)]);
         }
         let number = self.files.len();
-        if self.lane_of.insert(id, number).is_some() {
+        if self.lane_of.contains_key(id) {
             return twice(xml, at, id);
         }
+        self.lane_of.insert(id, number);
         *self.types.entry(self.edges[edge].function.to_owned()).or_default() += 1;
         let ends = [points[0], points[points.len() - 1]];
         let slot = match self.edges[edge].function {
-            "crossing" => self.crossing(xml, at, edge, &points, width_m),
+            "crossing" => self.crossing(edge, &points, width_m),
             "walkingarea" => self.walking_area(points, edge),
             _ => self.map_lane(xml, at, edge, &points, width_m),
         };
@@ -202,23 +204,16 @@ impl<'a> Edges<'a> {
         Slot::Lane(id)
     }
 
-    /// A crossing: its outline by the file, or else the strip around its line.
-    fn crossing(
-        &mut self,
-        xml: &mut Reader,
-        at: Element<'a>,
-        edge: usize,
-        points: &[Point2],
-        width_m: f64,
-    ) -> Slot {
-        let given = at.has_attribute("outlineShape").then(|| shape(xml, at, "outlineShape", self.offset_m));
-        let given = given.flatten().map(|vertices| vertices.points).filter(|points| points.len() > 2);
-        let of_line = || (points.len() > 1).then(|| shapes::strip(points, width_m));
-        let Some(outline) = given.or_else(of_line) else { return Slot::Foot };
-        let Edge { id, element, .. } = &self.edges[edge];
-        let number = CrossingId(self.crossings.len() as u32);
-        self.crossings.push(Crossing { id: number, name: (*id).to_owned(), outline, lanes: Vec::new() });
-        self.crossed.push(element.attribute("crossingEdges").unwrap_or_default());
+    /// A crossing: the strip around its line. `outlineShape` is not used: netconvert 1.28 writes outlines that touch
+    /// themselves, and mirrored ones with left-hand traffic.
+    fn crossing(&mut self, edge: usize, points: &[Point2], width_m: f64) -> Slot {
+        if points.len() > 1 {
+            let Edge { id, element, .. } = &self.edges[edge];
+            let (number, name) = (CrossingId(self.crossings.len() as u32), (*id).to_owned());
+            let outline = shapes::strip(points, width_m);
+            self.crossings.push(Crossing { id: number, name, outline, lanes: Vec::new() });
+            self.crossed.push(element.attribute("crossingEdges").unwrap_or_default());
+        }
         Slot::Foot
     }
 

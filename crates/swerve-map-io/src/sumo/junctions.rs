@@ -88,7 +88,8 @@ fn rights_of_way(
         .map(|lane| edges.lane(lane?).filter(|id| inside.binary_search(id).is_ok()))
         .collect();
     let mut rights = Vec::new();
-    for &request in requests {
+    // Networks may be without lanes inside junctions.
+    for &request in requests.iter().filter(|_| !links.is_empty()) {
         let Some(index) = xml.integer(request, "index").and_then(|index| usize::try_from(index).ok()) else {
             continue;
         };

@@ -47,6 +47,7 @@ fn features() -> Features {
             StopLine { signals: vec![SignalId(8), SignalId(3)], ..line(2, 40.0) },
             StopLine { sign: Some(StopSign::Yield), ..line(1, 50.0) },
             line(1, 0.0),
+            StopLine { sign: Some(StopSign::Stop), ..line(1, 0.0) },
         ],
         crossings: vec![Crossing {
             id: CrossingId(1),
@@ -66,7 +67,7 @@ fn elements_are_ordered_and_found_by_lane() {
     let lines = |lane| map.stop_lines_of(LaneId(lane)).iter().map(|one| one.s_m).collect::<Vec<_>>();
     assert_eq!([1, 2, 5, 6].map(junctions), [vec![9], vec![4, 9], vec![9], vec![]]);
     assert_eq!([1, 2, 5, 6].map(signals), [vec![3, 8], vec![8], vec![], vec![]]);
-    assert_eq!([1, 2, 5, 6].map(lines), [vec![0.0, 50.0], vec![40.0], vec![], vec![]]);
+    assert_eq!([1, 2, 5, 6].map(lines), [vec![0.0, 0.0, 50.0], vec![40.0], vec![], vec![]]);
     assert_eq!(map.junction(JunctionId(9)).unwrap().lanes, [LaneId(1), LaneId(5)]);
     assert_eq!(map.junction(JunctionId(9)).unwrap().rights_of_way.len(), 1);
     assert_eq!(map.signal(SignalId(8)).unwrap().lanes, [LaneId(1), LaneId(2)]);

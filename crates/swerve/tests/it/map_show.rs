@@ -1,4 +1,4 @@
-//! `swerve map show`: road networks of OpenDRIVE files.
+//! `swerve map show`: road networks of OpenDRIVE and SUMO files.
 
 use crate::support::Bench;
 
@@ -98,4 +98,33 @@ fn all_faults_of_a_network_are_reported_with_their_place() {
     assert_eq!(bench.swerve(&["map", "show", "m.xodr"]).code, Some(0));
     let said = bench.swerve(&["map", "show", "m.xodr", "--strict"]);
     assert!(said.code == Some(1) && said.stderr.contains("expected no defects, found 1"), "{said:?}");
+}
+
+#[test]
+fn sumo_network_is_shown_with_its_lights_and_a_route() {
+    let bench = Bench::new();
+    bench.write("m.net.xml", include_str!("../../../swerve-map-io/maps/junction.net.xml"));
+    let route = ["--route", "in_2:5", "beyond_0:30"];
+    let text = bench.good(&[&["map", "show", "m.net.xml", "--out", "m.svg"], &route[..]].concat());
+    for line in [
+        "m.net.xml: SUMO 1.20, ",
+        "lane map    11 lanes: 10 driving 0.383 km, 1 walking 0.090 km; 2 junctions, 2 rights of way, 3 signals, 5 stop lines",
+        "defects     0",
+        "route       175.0 m over 4 lanes, 0 lane changes",
+        "  follow        :J_1_0 ",
+    ] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
+    }
+    let picture = bench.read("m.svg");
+    assert!(picture.contains("stop line, signals L:0") && picture.contains("crossing :J_c0"), "{picture}");
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.net.xml", "--json"])).unwrap();
+    assert_eq!((&json["map_features"]["signals"], &json["types"]["internal"]), (&3.into(), &6.into()));
+    bench.write("m.net.xml", "<net><edge id=\"a\"><lane id=\"a_0\" shape=\"0,0 NaN,1\"/></edge></net>");
+    let said = bench.swerve(&["map", "show", "m.net.xml"]);
+    assert_eq!(said.code, Some(1));
+    assert!(
+        said.stderr.contains("m.net.xml:1:34: edge a/lane a_0: `shape`: expected a finite number, found NaN"),
+        "{said:?}"
+    );
 }

@@ -131,6 +131,21 @@ fn lights_hold_for_lanes_of_their_direction_and_validity() {
 }
 
 #[test]
+fn lights_are_at_their_physical_position_and_hold_where_the_road_states_it() {
+    let at = |position: &str| {
+        let light = signal("a", 98.0, "1000001", &format!(">{position}</signal>"));
+        let (_, imported) = imported(&with_signals(&light, ""));
+        let light = &imported.map.signals()[0];
+        let stops: Vec<f64> =
+            imported.map.stop_lines().iter().map(|line| (line.s_m * 1e6).round() / 1e6).collect();
+        assert_eq!(stops, [98.0, 98.0]);
+        (light.position.x_m, light.position.y_m, light.height_m.unwrap())
+    };
+    assert_eq!(at(r#"<positionRoad roadId="s" s="15" t="2" zOffset="5"/>"#), (115.0, 2.0, 5.0));
+    assert_eq!(at(r#"<positionInertial x="120" y="-9" z="4.5" hdg="0"/>"#), (120.0, -9.0, 4.5));
+}
+
+#[test]
 fn stop_lines_of_the_file_take_their_lights_and_signs() {
     let at = |s: f64, name: &str, sign| vec![("r-1".into(), s, name.to_owned(), sign)];
     let lane = "<validity fromLane=\"-1\" toLane=\"-1\"/></signal>";
@@ -166,6 +181,37 @@ fn stop_lines_of_the_file_take_their_lights_and_signs() {
         );
         assert_eq!(stops(&town(&object, "", "", "")), at(91.0, "a", None), "{mark}");
     }
+}
+
+#[test]
+fn stop_lines_in_another_lane_section_take_their_lights() {
+    let lane = "<validity fromLane=\"-1\" toLane=\"-1\"/></signal>";
+    let signals = |line: f64, light: f64| {
+        let line = signal("line", line, "294", &format!(">{lane}"));
+        line + &signal("a", light, "1000001", &format!(">{lane}"))
+    };
+    // A second section begins at 95 m.
+    let split = |text: String| {
+        let link = |name: &str| format!(r#"<link><{name} id="-1"/></link>"#);
+        let section = |s: f64, name: &str| {
+            format!(
+                r#"<laneSection s="{s}"><right><lane id="-1" type="driving">{}
+                <width sOffset="0" a="3" b="0" c="0" d="0"/></lane></right></laneSection>"#,
+                link(name)
+            )
+        };
+        let begin = text.find("<laneSection").unwrap();
+        let end = text.find("</laneSection>").unwrap() + "</laneSection>".len();
+        let sections = section(0.0, "successor") + &section(95.0, "predecessor");
+        format!("{}{sections}{}", &text[..begin], &text[end..])
+            .replace(r#"<laneLink from="-2" to="-2"/>"#, "")
+            .replace(r#"<predecessor id="-2"/>"#, "")
+    };
+    let found = |line: f64, light: f64| stops(&split(with_signals(&signals(line, light), "")));
+    let at = |s_m: f64, name: &str| ("r-1".to_owned(), s_m, name.to_owned(), None);
+    assert_eq!(found(90.0, 98.0), [at(90.0, "a")]);
+    assert_eq!(found(97.0, 94.0), [at(2.0, "a")]);
+    assert_eq!(found(70.0, 98.0), [at(70.0, ""), at(3.0, "a")], "too far");
 }
 
 #[test]
