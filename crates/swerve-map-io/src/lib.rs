@@ -1,13 +1,15 @@
-//! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, and of SUMO, CommonRoad and Lanelet2.
+//! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, SUMO, Lanelet2 and CommonRoad.
 //!
-//! [`opendrive::Network`] is a file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
+//! [`sumo`], [`lanelet2`] and [`commonroad`] make a [`lane_map::LaneMap`] of a file: the [`swerve_map::Map`] with the
+//! names of the file. [`format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
+//! for them.
+//!
+//! [`opendrive::Network`] is an OpenDRIVE file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
 //! objects. It is evaluated exactly, at a road, lane section, lane and arc length ([`opendrive::Network::sample`]), in
 //! the frame that the header's offset leads to: metres, x east, y north, z up, headings in radians from x towards y.
 //! [`import`](import::import) makes the [`swerve_map::Map`] of it, on the flat projection. [`links`] measures how lane
 //! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] finds lanes from a
 //! place to another.
-//!
-//! [`sumo`], [`commonroad`] and [`lanelet2`] make a [`lane_map::LaneMap`] of a file, whose summary is in [`overview`].
 //!
 //! **Errors.** All [`Problems`] of a file at once, each with line, column and element. A file with *faults* is not read:
 //! numbers that are missing or not finite, unsorted or duplicate records, lane identities with holes. *Defects* leave the

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 use swerve_map::{LaneKind, Map};
 
+use crate::draft::outline;
 use crate::features;
 use crate::lane_map::LaneMap;
 use crate::summary::list;
@@ -159,16 +160,11 @@ pub(crate) fn kind_name(kind: LaneKind) -> &'static str {
     }
 }
 
-/// Lowest and highest x and y of the lanes between their borders.
+/// Lowest and highest x and y of the outlines of lanes.
 fn extent_m(map: &Map) -> Option<[[f64; 2]; 2]> {
-    let mut extent: Option<[[f64; 2]; 2]> = None;
-    for lane in map.lanes() {
-        let beside_m = lane.borders.farthest_m().max(0.0);
-        for [x, y] in lane.line.points().iter().map(|at| [at.x_m, at.y_m]) {
-            let [wide_x, wide_y] = extent.unwrap_or([[x, x], [y, y]]);
-            let wider = |[low, high]: [f64; 2], at: f64| [low.min(at - beside_m), high.max(at + beside_m)];
-            extent = Some([wider(wide_x, x), wider(wide_y, y)]);
-        }
-    }
-    extent
+    let corners = map.lanes().iter().flat_map(outline);
+    corners.fold(None, |extent: Option<[[f64; 2]; 2]>, at| {
+        let [[left, right], [low, high]] = extent.unwrap_or([[at.x_m; 2], [at.y_m; 2]]);
+        Some([[left.min(at.x_m), right.max(at.x_m)], [low.min(at.y_m), high.max(at.y_m)]])
+    })
 }

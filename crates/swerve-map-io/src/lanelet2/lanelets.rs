@@ -238,7 +238,9 @@ fn aligned(xml: &mut Reader, at: Element<'_>, left: &mut Line, right: &mut Line)
 
 /// Centre line of the file, in the direction of travel, or none.
 fn center(xml: &mut Reader, osm: &Osm<'_>, relation: &Relation<'_>, left: &Line, right: &Line) -> Center {
-    let Some(member) = relation.members("way", "centerline").next() else { return Center::Between };
+    // The second name is that of RoadRunner.
+    let named = relation.members("way", "centerline").chain(relation.members("way", "center"));
+    let Some(member) = named.into_iter().next() else { return Center::Between };
     let Some(mut points) = points(xml, osm, member.element, member.id).map(distinct) else {
         return Center::Between;
     };

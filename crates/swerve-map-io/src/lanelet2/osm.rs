@@ -103,6 +103,7 @@ impl<'a> Osm<'a> {
                     let place =
                         if local { local_place(xml, at) } else { osm.globe_place(xml, at, &mut tangent) };
                     let z_m = tag_element(at, "ele").and_then(|ele| xml.lenient(ele, "v"));
+                    let z_m = z_m.or_else(|| xml.lenient(at, "ele"));
                     osm.nodes.insert(id, Node { element: at, at: place, z_m }).is_none()
                 }
                 "way" => {
