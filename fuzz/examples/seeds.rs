@@ -38,9 +38,11 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
         ("segmentation_weights", "crates/swerve-vision/segmentations", "weights"),
         ("prediction_weights", "crates/swerve-prediction/weights", "weights"),
-        ("lanelets", "crates/swerve-prediction/src/recorded/lanelets", "xml"),
+        ("lanelets", "crates/swerve-map-io/src/commonroad/tests", "xml"),
+        ("lanelet2", "crates/swerve-map-io/maps", "osm"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
         ("opendrive", "crates/swerve-map-io/maps", "xodr"),
+        ("sumo", "crates/swerve-map-io/maps", "xml"),
     ];
     for (target, from, ending) in of {
         for entry in std::fs::read_dir(root.join(from)).with_context(|| from.to_owned())? {

@@ -6,6 +6,10 @@ use clap::Parser;
 use serde::de::DeserializeOwned;
 use swerve_core::{Hasher, Time};
 use swerve_flow::{Decision, Worker};
+use swerve_map::LaneIndex;
+use swerve_map_io::lane_map::LaneMap;
+use swerve_map_io::overview::Overview;
+use swerve_map_io::picture;
 use swerve_measure::evaluate::{self, EvalArgs};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{
@@ -19,6 +23,21 @@ use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Setup};
 use swerve_text::Document;
 use tempfile::TempDir;
+
+/// Describes and draws a lane map, and makes its index.
+pub fn shown(lanes: &LaneMap, bytes: usize) {
+    let overview = Overview::of(&lanes.map, bytes);
+    let _text = overview.text("fuzz", lanes);
+    let _json = overview.json("fuzz", lanes);
+    let _index = LaneIndex::new(&lanes.map);
+    if let Some(extent_m) = overview.extent_m {
+        let _picture = picture::lanes::draw(&lanes.map, extent_m, "fuzz", None);
+    }
+    for lane in lanes.map.lanes() {
+        let width_m = lane.width_m(0.5 * lane.line.length());
+        assert!(width_m.is_finite() && width_m >= 0.0 && lane.line.length() > 0.0);
+    }
+}
 
 /// A file in a folder of its own, for readers that take a path; it is gone when dropped.
 pub struct Scratch {

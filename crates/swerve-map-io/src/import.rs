@@ -2,19 +2,24 @@
 //!
 //! Every lane of every lane section whose type has a [`LaneKind`] is a lane of the map, in its direction of travel.
 //! Lanes of types without one (medians, borders, kerbs, rails, `none`) are left out; so are lanes shorter than a
-//! micrometre, whose neighbours along the road are joined with each other.
+//! micrometre, whose neighbours along the road are joined with each other. Junctions, traffic lights, stop lines,
+//! crossings and areas refer to these lanes.
 //!
 //! **Resampling** is within lane sections only, never across their borders, where widths may jump. All records of the
 //! section's geometry begin at a vertex. Between them, vertices are as dense as a chord error of [`CHORD_M`] needs, and
 //! at most [`STEP_M`] apart: a millimetre is the gap that lane ends are held to, and the largest step bounds the
 //! stretch before a curve on which a polyline interpolates heading and curvature.
 
+mod junctions;
+mod objects;
+mod places;
+mod signals;
 pub(crate) mod vertices;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_geom::{Polyline, PolylineError};
-use swerve_map::{LaneId, LaneKind, Map, MapError, Neighbour};
+use swerve_map::{Features, LaneId, LaneKind, Map, MapError, Neighbour};
 
 use crate::links::{LaneEnd, Links, named};
 use crate::opendrive::{Contact, LaneType, Network, Road};
@@ -33,6 +38,9 @@ const JOINABLE_M: f64 = 0.1;
 
 /// Most vertices of a map, of which one takes about 400 bytes with its index and picture.
 const VERTICES_MAX: usize = 3_000_000;
+
+/// Most references to lanes from junctions, signals and objects together.
+const REFERENCES_MAX: usize = 2_000_000;
 
 /// Most lanes that are too short in a row.
 const SHORT_MAX: usize = 64;
@@ -80,6 +88,9 @@ pub enum ImportError {
     /// The map would take too much memory.
     #[error("expected a map of at most {VERTICES_MAX} vertices; road {0} is beyond them")]
     TooLarge(String),
+    /// The elements beside the lanes would take too much memory.
+    #[error("expected at most {REFERENCES_MAX} references to lanes from junctions, signals and objects")]
+    TooManyReferences,
     /// A lane is not a line.
     #[error("road {road} section {section} lane {lane}: {error}")]
     Line {
@@ -137,7 +148,9 @@ pub fn import(network: &Network, links: &Links) -> Result<Imported, ImportError>
     }
     build.neighbours(network);
     build.successors(network, links);
-    Ok(Imported { map: Map::new(build.lanes)?, lanes: build.sources, gaps: build.gaps })
+    let features = build.features(network)?;
+    let map = Map::with_features(build.lanes, features)?;
+    Ok(Imported { map, lanes: build.sources, gaps: build.gaps })
 }
 
 #[derive(Default)]
@@ -193,6 +206,15 @@ impl Build {
             });
         }
         Ok(())
+    }
+
+    /// Elements beside the lanes, once the lanes have their successors.
+    fn features(&self, network: &Network) -> Result<Features, ImportError> {
+        let places = places::Places::new(network, self);
+        let junctions = junctions::junctions(&places)?;
+        let (signals, stop_lines) = signals::signals(&places)?;
+        let (crossings, areas) = objects::objects(&places)?;
+        Ok(Features { junctions, signals, stop_lines, crossings, areas })
     }
 
     fn lane_at(&self, key: Key) -> Option<LaneId> {
@@ -265,5 +287,7 @@ fn leaves(network: &Network, end: LaneEnd) -> bool {
     network.roads[end.road].runs_forward(end.lane) == (end.end == Contact::End)
 }
 
+#[cfg(test)]
+mod published;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,10 @@
-//! Maps of other programs: the reader of ASAM OpenDRIVE 1.4 to 1.8.
+//! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, SUMO, Lanelet2 and CommonRoad.
 //!
-//! [`opendrive::Network`] is a file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
+//! [`sumo`], [`lanelet2`] and [`commonroad`] make a [`lane_map::LaneMap`] of a file: the [`swerve_map::Map`] with the
+//! names of the file. [`format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
+//! for them.
+//!
+//! [`opendrive::Network`] is an OpenDRIVE file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
 //! objects. It is evaluated exactly, at a road, lane section, lane and arc length ([`opendrive::Network::sample`]), in
 //! the frame that the header's offset leads to: metres, x east, y north, z up, headings in radians from x towards y.
 //! [`import`](import::import) makes the [`swerve_map::Map`] of it, on the flat projection. [`links`] measures how lane
@@ -17,19 +21,29 @@
 //! every machine.
 //!
 //! Excluded: writing, geodesy (`geoReference` is text), OpenCRG and 1.8's surface strips, lane heights (kept, not added
-//! to z), lanes at a place within a road (virtual connections), single-sided lane sections on roads with lanes on both
-//! sides, railways, commands and files other than those passed in as text.
+//! to z), railways, commands and files other than those passed in as text.
 
+pub mod commonroad;
+mod content;
 mod cubic;
 mod curve;
+mod draft;
+mod features;
+pub mod format;
 pub mod import;
+mod joints;
+pub mod lane_map;
+pub mod lanelet2;
 pub mod links;
 pub mod opendrive;
+pub mod overview;
 pub mod picture;
 pub mod points;
 mod problem;
 pub mod route;
+mod strip;
 pub mod summary;
+pub mod sumo;
 mod xml;
 
 pub use problem::{PROBLEMS_MAX, Problem, Problems};

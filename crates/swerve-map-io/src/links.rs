@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use swerve_geom::math;
 
+use crate::opendrive::read::sections::section_at_joint;
 use crate::opendrive::{Contact, JunctionKind, Network, Road, Target};
 
 /// An end of a lane in a lane section.
@@ -100,7 +101,7 @@ pub struct Links {
     pub all: Vec<Link>,
     /// Links of which an end is not there.
     pub dangling: Vec<Dangling>,
-    /// Lane links of virtual junctions that do not begin at an end of a lane; they are in neither list.
+    /// Lane links of virtual junctions whose place within a road is unknown; they are in neither list.
     pub within_roads: usize,
 }
 
@@ -153,9 +154,20 @@ impl Links {
     /// The link of a lane beyond the end of its road, unless a junction has it.
     fn beyond(&mut self, network: &Network, road: &Road, from: LaneEnd, lane: i32) {
         let Some(link) = road.link_at(from.end) else { return };
-        let Target::Road(contact) = link.target else { return };
+        if link.target == Target::Junction {
+            return;
+        }
         if let Some(&other) = network.road_of.get(&link.id) {
-            self.join(network, LinkKind::Road, from, road_end(network, other, contact, lane));
+            match link.target {
+                Target::Road(contact) => {
+                    self.join(network, LinkKind::Road, from, road_end(network, other, contact, lane));
+                }
+                Target::Within { s_m } => match within_road(network, from, (other, s_m), lane) {
+                    Some(to) => self.join(network, LinkKind::Road, from, to),
+                    None => self.within_roads += 1,
+                },
+                Target::Junction => {}
+            }
         } else {
             let from = (road.id.clone(), from.section, from.lane);
             let to = (link.id.clone(), 0, lane);
@@ -208,7 +220,13 @@ impl Links {
                     let from = ends.iter().map(|end| road_end(network, a, *end, link.from));
                     // A road with both ends at the junction: the nearer one.
                     let from = from.min_by(|x, y| gap_m(network, *x, to).total_cmp(&gap_m(network, *y, to)));
-                    match from {
+                    let joint = || {
+                        let joint = network.roads[b].link_at(connection.contact)?;
+                        let Target::Within { s_m } = joint.target else { return None };
+                        let is_from = joint.id == connection.incoming;
+                        is_from.then(|| within_road(network, to, (a, s_m), link.from)).flatten()
+                    };
+                    match from.or_else(joint) {
                         Some(from) => self.join(network, LinkKind::Junction, from, to),
                         None if junction.kind == JunctionKind::Virtual => self.within_roads += 1,
                         None => {
@@ -274,6 +292,17 @@ fn road_end(network: &Network, road: usize, end: Contact, lane: i32) -> LaneEnd 
         Contact::End => network.roads[road].sections.len().saturating_sub(1),
     };
     LaneEnd { road, section, lane, end }
+}
+
+/// The end of a lane at a place within its road, at which another road ends: the end whose traffic continues to the
+/// other lane, or comes from it. `None` if no lane section ends there.
+fn within_road(network: &Network, other: LaneEnd, (road, s_m): (usize, f64), lane: i32) -> Option<LaneEnd> {
+    let leaves = |road: &Road, lane: i32, end: Contact| road.runs_forward(lane) == (end == Contact::End);
+    let enters_here = leaves(&network.roads[other.road], other.lane, other.end);
+    let ends = [Contact::Start, Contact::End];
+    let end = ends.into_iter().find(|end| leaves(&network.roads[road], lane, *end) != enters_here)?;
+    let section = section_at_joint(&network.roads[road], s_m, end)?;
+    Some(LaneEnd { road, section, lane, end })
 }
 
 /// Place and width of a lane's end.

@@ -4,7 +4,7 @@ mod evaluate;
 mod furniture;
 mod junction;
 mod lane;
-mod read;
+pub(crate) mod read;
 mod road;
 #[cfg(test)]
 mod tests;
@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 pub use crate::curve::PieceKind;
 pub use evaluate::{Edge, LaneEdges, Sample, SampleError, SurfacePoint};
-pub use furniture::{Corner, Object, Outline, Signal, SignalReference, Validity};
-pub use junction::{Connection, Controller, Junction, JunctionKind, LaneLink};
+pub use furniture::{Corner, Object, Outline, Physical, Signal, SignalReference, Validity};
+pub use junction::{Connection, Controller, Junction, JunctionKind, LaneLink, Priority};
 pub use lane::{Lane, LaneSection, LaneType, RoadMark, Speed};
 pub use road::{Contact, Road, RoadLink, RoadType, Target};
 

@@ -1,8 +1,11 @@
-//! Picture of a network: lanes filled by type, marks, connections of junctions, signals, objects.
+//! Picture of a network: lanes filled by type, marks, connections of junctions, signals, objects, stop lines.
+
+pub mod lanes;
 
 use swerve_draw::{Axes, Canvas, Color, Entry, Picture, Sign, Style, Text, color, legend};
 use swerve_map::LaneKind;
 
+use crate::features;
 use crate::import::{Imported, kind_of, vertices};
 use crate::opendrive::{LaneType, Network, Road, RoadMark};
 use crate::route::Way;
@@ -29,14 +32,20 @@ const FILLS: [(&str, Color); 7] = [
 ];
 
 fn fill_of(kind: &LaneType) -> Color {
-    let index = match (kind_of(kind), kind) {
-        (Some(LaneKind::Driving), _) => 0,
-        (Some(LaneKind::Shoulder), _) => 1,
-        (Some(LaneKind::Cycling), _) => 2,
-        (Some(LaneKind::Walking), _) => 3,
-        (Some(LaneKind::Parking), _) => 4,
-        (None, LaneType::Border | LaneType::Median | LaneType::Curb) => 5,
-        (None, _) => 6,
+    match (kind_of(kind), kind) {
+        (Some(kind), _) => fill(kind),
+        (None, LaneType::Border | LaneType::Median | LaneType::Curb) => FILLS[5].1,
+        (None, _) => FILLS[6].1,
+    }
+}
+
+fn fill(kind: LaneKind) -> Color {
+    let index = match kind {
+        LaneKind::Driving => 0,
+        LaneKind::Shoulder => 1,
+        LaneKind::Cycling => 2,
+        LaneKind::Walking => 3,
+        LaneKind::Parking => 4,
     };
     FILLS[index].1
 }
@@ -57,13 +66,14 @@ pub fn draw(
     axes.grid(&mut canvas, (12.0, 8.0));
     canvas.begin_clip(axes.corner, axes.size);
     for road in &network.roads {
-        lanes(&mut canvas, network, road, &axes);
+        sections(&mut canvas, network, road, &axes);
     }
     for road in &network.roads {
         marks(&mut canvas, network, road, &axes);
     }
     connections(&mut canvas, network, imported, &axes);
     furniture(&mut canvas, network, &axes);
+    features::draw_stop_lines(&mut canvas, &imported.map, &axes);
     for (way, k) in way.into_iter().flat_map(|way| (0..way.lanes.len()).map(move |k| (way, k))) {
         let points = way.line(&imported.map, k);
         canvas.path(points.iter().map(|p| axes.at(p.x_m, p.y_m)), false, Style::line(color::PLAN, 3.0));
@@ -100,6 +110,7 @@ fn entries(has_route: bool) -> Vec<Entry> {
     entries.push((Sign::Line(CONNECTION), "connection".to_owned()));
     entries.push((Sign::Mark(|canvas, at| canvas.circle(at, 3.0, SIGNAL)), "signal".to_owned()));
     entries.push((Sign::Block(OBJECT), "object".to_owned()));
+    entries.push((Sign::Line(features::STOP_LINE), "stop line".to_owned()));
     if has_route {
         entries.push((Sign::Line(Style::line(color::PLAN, 3.0)), "route".to_owned()));
     }
@@ -124,7 +135,7 @@ fn beside(
     places.map(at).collect()
 }
 
-fn lanes(canvas: &mut Canvas, network: &Network, road: &Road, axes: &Axes) {
+fn sections(canvas: &mut Canvas, network: &Network, road: &Road, axes: &Axes) {
     for (index, section) in road.sections.iter().enumerate() {
         let Some(span_m) = road.section_span_m(index) else { continue };
         let stations = vertices::stations(road, section, span_m).unwrap_or_default();

@@ -48,6 +48,12 @@ impl Problems {
         Self { file: file.to_owned(), kept, more }
     }
 
+    /// These problems and others of the same file.
+    pub(crate) fn with(&self, others: &Self) -> Self {
+        let kept = self.kept.iter().chain(&others.kept).cloned().collect();
+        Self::new(&self.file, kept, self.more + others.more)
+    }
+
     /// Number of problems, including those beyond [`PROBLEMS_MAX`].
     pub fn count(&self) -> usize {
         self.kept.len() + self.more

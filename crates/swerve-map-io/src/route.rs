@@ -12,6 +12,7 @@ use swerve_geom::Point2;
 use swerve_map::{LaneHint, LaneId, LaneIndex, LaneKind, Map};
 
 use crate::import::{Imported, LaneSource};
+use crate::lane_map::LaneMap;
 use crate::opendrive::Network;
 
 /// Cost of a lane change, metres of way.
@@ -196,6 +197,43 @@ impl Search<'_> {
     }
 }
 
+/// Place of a text `x,y` in the frame of the map, metres: on the nearest driving lane. `None` for texts without comma.
+fn stop_near(map: &Map, text: &str, form: &dyn Fn() -> String) -> Option<Result<Stop, String>> {
+    let (x, y) = text.split_once(',')?;
+    let [x, y] = [x, y].map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()));
+    let (Some(x), Some(y)) = (x, y) else { return Some(Err(form())) };
+    let index = LaneIndex::of(map, |lane| lane.kind == LaneKind::Driving);
+    let found = index.nearest_from(Point2::new(x, y), &mut LaneHint::default());
+    Some(match found {
+        Some(found) => Ok(on_lane(map, found.lane, found.place.s_m)),
+        None => Err("the map has no driving lanes".to_owned()),
+    })
+}
+
+/// Place in a text: `lane:s` with the identity of the lane in the file and s along it, or `x,y` in the frame of the map,
+/// metres; the nearest driving lane.
+///
+/// # Errors
+/// If the text has neither form, or names a place that is not on a driving lane.
+pub fn stop_on(lanes: &LaneMap, text: &str) -> Result<Stop, String> {
+    let form = || format!("expected lane:s or x,y, found {text:?}");
+    if let Some(stop) = stop_near(&lanes.map, text, &form) {
+        return stop;
+    }
+    let (name, s) = text.rsplit_once(':').ok_or_else(form)?;
+    let s_m = s.parse::<f64>().map_err(|_| form())?;
+    let lane = lanes.lane_named(name).and_then(|lane| lanes.map.lane(lane));
+    let lane = lane.ok_or_else(|| format!("there is no lane {name:?}"))?;
+    let length_m = lane.line.length();
+    if lane.kind != LaneKind::Driving {
+        return Err(format!("expected a driving lane, found one of another kind: {text}"));
+    }
+    if !(0.0..=length_m).contains(&s_m) {
+        return Err(format!("expected a place from 0 to {length_m:.3} m on lane {name}, found {s}"));
+    }
+    Ok(Stop { lane: lane.id, s_m })
+}
+
 /// Place in a text: `road:lane:s` with s along the road, or `x,y` in the frame of the map, metres; the nearest driving
 /// lane.
 ///
@@ -203,13 +241,8 @@ impl Search<'_> {
 /// If the text has neither form, or names a place that is not on a driving lane.
 pub fn stop(network: &Network, imported: &Imported, text: &str) -> Result<Stop, String> {
     let form = || format!("expected road:lane:s or x,y, found {text:?}");
-    if let Some((x, y)) = text.split_once(',') {
-        let [x, y] = [x, y].map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()));
-        let (Some(x), Some(y)) = (x, y) else { return Err(form()) };
-        let index = LaneIndex::of(&imported.map, |lane| lane.kind == LaneKind::Driving);
-        let found = index.nearest_from(Point2::new(x, y), &mut LaneHint::default());
-        let found = found.ok_or_else(|| "the map has no driving lanes".to_owned())?;
-        return Ok(on_lane(imported, found.lane, found.place.s_m));
+    if let Some(stop) = stop_near(&imported.map, text, &form) {
+        return stop;
     }
     let mut parts = text.rsplitn(3, ':');
     let (Some(s), Some(lane), Some(road)) = (parts.next(), parts.next(), parts.next()) else {
@@ -230,45 +263,39 @@ pub fn stop(network: &Network, imported: &Imported, text: &str) -> Result<Stop, 
         )
     })?;
     let [x, y, _] = sample.position_m;
-    Ok(on_lane(imported, found.id, found.line.project(Point2::new(x, y)).s_m))
+    Ok(on_lane(&imported.map, found.id, found.line.project(Point2::new(x, y)).s_m))
 }
 
-fn on_lane(imported: &Imported, lane: LaneId, s_m: f64) -> Stop {
-    let length_m = imported.map.lane(lane).map_or(0.0, |lane| lane.line.length());
+fn on_lane(map: &Map, lane: LaneId, s_m: f64) -> Stop {
+    let length_m = map.lane(lane).map_or(0.0, |lane| lane.line.length());
     Stop { lane, s_m: s_m.clamp(0.0, length_m) }
 }
 
-/// Lanes of a way as `road:section:lane`.
-fn names(network: &Network, imported: &Imported, way: &Way) -> Vec<String> {
-    let name = |(_, lane): &(Step, LaneId)| {
-        let source = imported.lanes[lane.0 as usize];
-        format!("{}:{}:{}", network.roads[source.road].id, source.section, source.lane)
-    };
-    way.lanes.iter().map(name).collect()
+/// Name of a lane of a network as `road:section:lane`.
+pub fn lane_name(network: &Network, imported: &Imported, lane: LaneId) -> String {
+    let source = imported.lanes[lane.0 as usize];
+    format!("{}:{}:{}", network.roads[source.road].id, source.section, source.lane)
 }
 
-/// Route for a terminal.
-pub fn text(network: &Network, imported: &Imported, way: &Way) -> String {
+/// Route for a terminal, with the names of its lanes.
+pub fn text(map: &Map, name: &dyn Fn(LaneId) -> String, way: &Way) -> String {
     let mut out = format!(
         "route       {:.1} m over {} lanes, {} lane changes\n",
         way.length_m,
         way.lanes.len(),
         way.changes()
     );
-    for (name, (step, lane)) in names(network, imported, way).iter().zip(&way.lanes) {
-        let length_m = imported.map.lane(*lane).map_or(0.0, |lane| lane.line.length());
-        out.push_str(&format!("  {:<14}{name:<16}{length_m:>9.1} m long\n", step.name()));
+    for (step, lane) in &way.lanes {
+        let length_m = map.lane(*lane).map_or(0.0, |lane| lane.line.length());
+        out.push_str(&format!("  {:<14}{:<16}{length_m:>9.1} m long\n", step.name(), name(*lane)));
     }
     out
 }
 
-/// Route for programs.
-pub fn json(network: &Network, imported: &Imported, way: &Way) -> Value {
-    let lanes: Vec<Value> = names(network, imported, way)
-        .iter()
-        .zip(&way.lanes)
-        .map(|(name, (step, _))| json!({ "lane": name, "step": step.name() }))
-        .collect();
+/// Route for programs, with the names of its lanes.
+pub fn json(name: &dyn Fn(LaneId) -> String, way: &Way) -> Value {
+    let lane = |(step, lane): &(Step, LaneId)| json!({ "lane": name(*lane), "step": step.name() });
+    let lanes: Vec<Value> = way.lanes.iter().map(lane).collect();
     json!({ "length_m": way.length_m, "changes": way.changes(), "lanes": lanes })
 }
 

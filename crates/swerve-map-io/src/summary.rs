@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 use swerve_map::LaneKind;
 
+use crate::features;
 use crate::import::{Imported, vertices};
 use crate::links::Links;
 use crate::opendrive::{Network, PieceKind};
@@ -126,10 +127,8 @@ impl Summary {
                 links.dangling.len()
             ),
         );
-        row(
-            "lane map",
-            format!("{} lanes, {:.3} km for driving", imported.map.lanes().len(), self.driving_m / 1e3),
-        );
+        let (lanes, features) = (imported.map.lanes().len(), features::text(&imported.map));
+        row("lane map", format!("{lanes} lanes, {:.3} km for driving{features}", self.driving_m / 1e3));
         row("unknown", list(network.unknown.iter().map(|(name, count)| (&**name, *count))));
         row("defects", (network.defects.count() + imported.gaps.len()).to_string());
         if network.defects.count() > 0 {
@@ -184,6 +183,7 @@ impl Summary {
             "extent_m": self.extent_m.map(|[x, y, z]| json!({ "x": x, "y": y, "z": z })),
             "map_lanes": imported.map.lanes().len(),
             "driving_m": self.driving_m,
+            "map_features": features::json(&imported.map),
             "unknown": network.unknown,
             "defect_count": network.defects.count(),
             "defects": defects,
@@ -200,7 +200,7 @@ fn counted<K: Ord>(all: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
 }
 
 /// Counts with their names, most first.
-fn list<'n>(counts: impl Iterator<Item = (&'n str, usize)>) -> String {
+pub(crate) fn list<'n>(counts: impl Iterator<Item = (&'n str, usize)>) -> String {
     let mut counts: Vec<(&str, usize)> = counts.collect();
     counts.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
     let named =

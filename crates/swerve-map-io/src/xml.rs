@@ -240,17 +240,7 @@ impl Reader {
     /// A number, if it is there and valid.
     pub(crate) fn number_if(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
         let text = of.attribute(name)?;
-        match text.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() && value.abs() <= NUMBER_MAX => return Some(value),
-            Ok(value) if value.is_nan() => {
-                self.fault_in(of, name, || "expected a finite number, found NaN".to_owned());
-            }
-            Ok(_) => self.fault_in(of, name, || {
-                format!("expected a number of magnitude at most {NUMBER_MAX:e}, found {}", quoted(text))
-            }),
-            Err(_) => self.fault_in(of, name, || format!("expected a number, found {}", quoted(text))),
-        }
-        None
+        number(text).map_err(|message| self.fault_in(of, name, || message)).ok()
     }
 
     /// A number that carries no geometry: where it is not one, that is a defect. Empty texts are missing numbers.
@@ -308,6 +298,21 @@ impl Reader {
             });
         }
         found
+    }
+}
+
+/// Number in a text, finite and of a magnitude that occurs on Earth.
+///
+/// # Errors
+/// The expected number and the text.
+pub(crate) fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value.abs() <= NUMBER_MAX => Ok(value),
+        Ok(value) if value.is_nan() => Err("expected a finite number, found NaN".to_owned()),
+        Ok(_) => {
+            Err(format!("expected a number of magnitude at most {NUMBER_MAX:e}, found {}", quoted(text)))
+        }
+        Err(_) => Err(format!("expected a number, found {}", quoted(text))),
     }
 }
 

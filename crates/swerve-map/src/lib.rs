@@ -5,6 +5,9 @@
 //! start to end with the [`Borders`] of the drivable ground. Simulation, planning, evaluation and drawing query the
 //! borders of the route *at an arc length*; there is no query for a width that holds everywhere.
 //!
+//! Beside lanes, a map has [`Features`]: [`Junction`]s, traffic [`Signal`]s, [`StopLine`]s, [`Crossing`]s and
+//! [`Area`]s. They refer to lanes by identity; the map checks that these exist.
+//!
 //! A [`LaneIndex`] finds the nearest lane of a large map.
 //!
 //! Positions along a line are in Frenet coordinates: `s` metres of arc length from its start, `d` metres to its left.
@@ -13,14 +16,27 @@
 //!
 //! Excluded: file formats, traffic, messages; route planning over a map is left to the caller.
 
+mod area;
 mod border;
+mod crossing;
+mod features;
 mod index;
+mod junction;
 mod lane;
 mod map;
 mod route;
+mod signal;
+mod stop_line;
+mod text;
 
+pub use area::{Area, AreaId, AreaKind};
 pub use border::{Border, BorderError, Borders, Station};
+pub use crossing::{Crossing, CrossingId};
+pub use features::{Feature, FeatureError, Features};
 pub use index::{LaneHint, LaneIndex};
+pub use junction::{Junction, JunctionId, RightOfWay};
 pub use lane::{Lane, LaneId, LaneKind, Neighbour};
 pub use map::{LanePlace, Map, MapError};
 pub use route::{Route, RouteError, Stretch};
+pub use signal::{Signal, SignalId};
+pub use stop_line::{StopLine, StopSign};

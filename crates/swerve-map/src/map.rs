@@ -1,16 +1,17 @@
 //! Lane maps.
 
-use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2};
 
-use crate::{Lane, LaneId, Neighbour};
+use crate::features::{FeatureError, Features};
+use crate::{Area, Crossing, Junction, JunctionId, Lane, LaneId, Neighbour, Signal, SignalId, StopLine};
 
 /// Largest gap between the end of a lane and the start of its successor, metres.
 const JOINT_M: f64 = 0.1;
 
-/// A consistent set of lanes. Its text form is the list of lanes.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Vec<Lane>", into = "Vec<Lane>")]
+/// A consistent set of lanes, and the junctions, signals, stop lines, crossings and areas on them.
+///
+/// Its text form is the list of lanes if there is nothing else, and a table otherwise.
+#[derive(Clone, PartialEq, Debug)]
 pub struct Map {
     /// Ordered by identity.
     lanes: Vec<Lane>,
@@ -18,6 +19,11 @@ pub struct Map {
     bounds: Vec<Bounds>,
     /// Predecessors of each lane, ordered by identity.
     predecessors: Vec<Vec<LaneId>>,
+    features: Features,
+    /// Pairs of a lane and the index of a junction that it is inside or leads into, sorted.
+    junctions_of: Vec<(LaneId, usize)>,
+    /// Pairs of a lane and the index of a signal that its traffic obeys, sorted.
+    signals_of: Vec<(LaneId, usize)>,
 }
 
 /// A lane and a position along it.
@@ -69,6 +75,9 @@ pub enum MapError {
         /// Arc length along the lane, metres.
         s_m: f64,
     },
+    /// An element beside the lanes is inconsistent.
+    #[error(transparent)]
+    Feature(#[from] FeatureError),
 }
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -102,25 +111,23 @@ impl Bounds {
     }
 }
 
-impl TryFrom<Vec<Lane>> for Map {
-    type Error = MapError;
-    fn try_from(lanes: Vec<Lane>) -> Result<Self, MapError> {
-        Self::new(lanes)
-    }
-}
-
-impl From<Map> for Vec<Lane> {
-    fn from(map: Map) -> Self {
-        map.lanes
-    }
-}
-
 impl Map {
     /// Creates a map of these lanes, in any order.
     ///
     /// The first of: a duplicate identity, a reference to a missing lane, a neighbour on one side only, a successor
     /// that starts elsewhere, borders that cross.
-    pub fn new(mut lanes: Vec<Lane>) -> Result<Self, MapError> {
+    pub fn new(lanes: Vec<Lane>) -> Result<Self, MapError> {
+        Self::with_features(lanes, Features::default())
+    }
+
+    /// Creates a map of these lanes and the elements on them, in any order.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); then the first of: a duplicate identity, a reference to a missing lane or signal, a stop
+    /// line beyond its lane, a right of way between other lanes than the junction's, an outline that is no polygon,
+    /// coordinates that are not finite.
+    pub fn with_features(mut lanes: Vec<Lane>, mut features: Features) -> Result<Self, MapError> {
+        features.sort();
         lanes.sort_by_key(|lane| lane.id);
         if let Some(two) = lanes.windows(2).find(|two| two[0].id == two[1].id) {
             return Err(MapError::Twice(two[0].id));
@@ -134,9 +141,18 @@ impl Map {
                 }
             }
         }
-        let map = Self { lanes, bounds, predecessors };
+        let junctions = features.junctions.iter().map(|one| one.lanes.iter().chain(&one.incoming));
+        let junctions_of = by_lane(junctions);
+        let signals_of = by_lane(features.signals.iter().map(|signal| signal.lanes.iter()));
+        let map = Self { lanes, bounds, predecessors, features, junctions_of, signals_of };
         map.lanes.iter().try_for_each(|lane| map.check(lane))?;
+        map.features.check(&map.lanes)?;
         Ok(map)
+    }
+
+    /// Lanes and the elements on them, which can be changed and made a map again.
+    pub fn into_parts(self) -> (Vec<Lane>, Features) {
+        (self.lanes, self.features)
     }
 
     fn check(&self, lane: &Lane) -> Result<(), MapError> {
@@ -180,6 +196,66 @@ impl Map {
         self.index(id).map_or(&[], |index| &self.predecessors[index])
     }
 
+    /// Elements beside the lanes, sorted.
+    pub fn features(&self) -> &Features {
+        &self.features
+    }
+
+    /// Junctions, ordered by identity.
+    pub fn junctions(&self) -> &[Junction] {
+        &self.features.junctions
+    }
+
+    /// Junction with this identity.
+    pub fn junction(&self, id: JunctionId) -> Option<&Junction> {
+        let junctions = &self.features.junctions;
+        junctions.binary_search_by_key(&id, |one| one.id).ok().map(|index| &junctions[index])
+    }
+
+    /// Junctions that a lane is inside or leads into, ordered by identity.
+    pub fn junctions_of(&self, lane: LaneId) -> impl Iterator<Item = &Junction> {
+        of_lane(&self.junctions_of, lane).map(|index| &self.features.junctions[index])
+    }
+
+    /// Traffic signals, ordered by identity.
+    pub fn signals(&self) -> &[Signal] {
+        &self.features.signals
+    }
+
+    /// Traffic signal with this identity.
+    pub fn signal(&self, id: SignalId) -> Option<&Signal> {
+        let signals = &self.features.signals;
+        signals.binary_search_by_key(&id, |one| one.id).ok().map(|index| &signals[index])
+    }
+
+    /// Traffic signals that a lane's traffic obeys, ordered by identity.
+    pub fn signals_of(&self, lane: LaneId) -> impl Iterator<Item = &Signal> {
+        of_lane(&self.signals_of, lane).map(|index| &self.features.signals[index])
+    }
+
+    /// Stop lines, ordered by lane and arc length.
+    pub fn stop_lines(&self) -> &[StopLine] {
+        &self.features.stop_lines
+    }
+
+    /// Stop lines of a lane, ordered by arc length.
+    pub fn stop_lines_of(&self, lane: LaneId) -> &[StopLine] {
+        let lines = &self.features.stop_lines;
+        let begin = lines.partition_point(|line| line.lane < lane);
+        let count = lines[begin..].partition_point(|line| line.lane == lane);
+        &lines[begin..begin + count]
+    }
+
+    /// Crossings, ordered by identity.
+    pub fn crossings(&self) -> &[Crossing] {
+        &self.features.crossings
+    }
+
+    /// Areas, ordered by identity.
+    pub fn areas(&self) -> &[Area] {
+        &self.features.areas
+    }
+
     fn index(&self, id: LaneId) -> Option<usize> {
         self.lanes.binary_search_by_key(&id, |lane| lane.id).ok()
     }
@@ -209,6 +285,21 @@ impl Map {
         }
         nearest.map(|(_, place)| place)
     }
+}
+
+/// Pairs of a lane and the index of an element that refers to it, sorted and once each.
+fn by_lane<'m>(elements: impl Iterator<Item = impl Iterator<Item = &'m LaneId>>) -> Vec<(LaneId, usize)> {
+    let mut pairs: Vec<_> =
+        elements.enumerate().flat_map(|(index, lanes)| lanes.map(move |lane| (*lane, index))).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Indices of the elements of a lane in sorted pairs.
+fn of_lane(pairs: &[(LaneId, usize)], lane: LaneId) -> impl Iterator<Item = usize> {
+    let begin = pairs.partition_point(|pair| pair.0 < lane);
+    pairs[begin..].iter().take_while(move |pair| pair.0 == lane).map(|pair| pair.1)
 }
 
 #[cfg(test)]

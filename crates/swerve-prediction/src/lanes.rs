@@ -1,9 +1,9 @@
-//! Lane graph for predictors: a map with stop lines, and the lane sequences that start at each lane.
+//! Lane graph for predictors: a map, and the lane sequences that start at each lane.
 
 use std::collections::BTreeMap;
 
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, angle_between};
-use swerve_map::{Lane, LaneId, Map, MapError};
+use swerve_map::{Lane, LaneId, Map, SignalId};
 
 /// Distance ahead up to which lane sequences are followed, metres: beyond the travel of any vehicle within a horizon.
 const REACH_M: f64 = 150.0;
@@ -21,23 +21,10 @@ const BESIDE_M: f64 = 1.0;
 /// Half of the length over which curvature is averaged, metres, because hand-drawn bounds are inaccurate.
 const BEND_M: f64 = 5.0;
 
-/// A line at which vehicles stop.
-#[derive(Clone, PartialEq, Debug)]
-pub struct StopLine {
-    /// The lane that it crosses.
-    pub lane: LaneId,
-    /// Position along the lane, metres.
-    pub at_m: f64,
-    /// Ids of the traffic lights that apply to it, in order; empty for a sign only.
-    pub lights: Vec<u32>,
-}
-
-/// Lanes, their stop lines, and the sequences over them.
+/// Lanes of a map, and the sequences over them.
 #[derive(Clone, PartialEq, Debug)]
 pub struct LaneGraph {
     map: Map,
-    /// Sorted by lane, then by position.
-    stops: Vec<StopLine>,
     /// Extended lanes, by lane index in the map.
     reaches: Vec<Reach>,
     /// Lane sequences from each lane, by lane index in the map.
@@ -79,24 +66,17 @@ pub(crate) struct Spot {
 }
 
 impl LaneGraph {
-    /// Builds the sequences over these lanes, with these stop lines.
-    ///
-    /// # Errors
-    /// If a stop line refers to a missing lane.
-    pub fn new(map: Map, mut stops: Vec<StopLine>) -> Result<Self, MapError> {
-        if let Some(stray) = stops.iter().find(|stop| map.lane(stop.lane).is_none()) {
-            return Err(MapError::Missing { lane: stray.lane, named: stray.lane });
-        }
-        stops.sort_by(|a, b| a.lane.cmp(&b.lane).then(a.at_m.total_cmp(&b.at_m)));
+    /// Builds the sequences over the lanes of a map.
+    pub fn new(map: Map) -> Self {
         let place: BTreeMap<LaneId, usize> =
             map.lanes().iter().enumerate().map(|(k, lane)| (lane.id, k)).collect();
         let reaches: Vec<Reach> = map.lanes().iter().map(|lane| Reach::of(&map, lane)).collect();
         let way = |first| {
             let chains = chains(&map, &place, first);
-            chains.iter().map(|lanes| LaneWay::over(lanes, &map, &reaches, &stops)).collect()
+            chains.iter().map(|lanes| LaneWay::over(lanes, &map, &reaches)).collect()
         };
         let ways = (0..map.lanes().len()).map(way).collect();
-        Ok(Self { map, stops, reaches, ways })
+        Self { map, reaches, ways }
     }
 
     /// The map.
@@ -104,19 +84,14 @@ impl LaneGraph {
         &self.map
     }
 
-    /// Stop lines, sorted by lane.
-    pub fn stops(&self) -> &[StopLine] {
-        &self.stops
-    }
-
     pub(crate) fn ways(&self, lane: usize) -> &[LaneWay] {
         &self.ways[lane]
     }
 
-    /// Ids of the traffic lights of a lane's stop lines.
-    pub(crate) fn lights(&self, lane: usize) -> impl Iterator<Item = u32> {
-        let id = self.map.lanes()[lane].id;
-        self.stops.iter().filter(move |stop| stop.lane == id).flat_map(|stop| stop.lights.iter().copied())
+    /// Identities of the traffic signals of a lane's stop lines.
+    pub(crate) fn signals(&self, lane: usize) -> impl Iterator<Item = SignalId> {
+        let lines = self.map.stop_lines_of(self.map.lanes()[lane].id);
+        lines.iter().flat_map(|line| line.signals.iter().copied())
     }
 
     /// Positions of a point on all lanes that contain it, within the lateral tolerance.
@@ -214,15 +189,15 @@ fn bend_1pm(line: &Polyline, s_m: f64) -> f64 {
 }
 
 impl LaneWay {
-    fn over(chain: &[usize], map: &Map, reaches: &[Reach], stops: &[StopLine]) -> Self {
+    fn over(chain: &[usize], map: &Map, reaches: &[Reach]) -> Self {
         let mut points: Vec<Point2> = Vec::new();
         let (mut lanes, mut lines, mut turn_rad, mut begin_m) = (Vec::new(), Vec::new(), 0.0, 0.0);
         for (n, &k) in chain.iter().enumerate() {
             let (lane, reach) = (&map.lanes()[k], &reaches[k]);
             // At joints, the end of a lane replaces the start of the next.
             points.extend(&reach.line.points()[usize::from(n > 0)..]);
-            let of_lane = stops.iter().filter(|stop| stop.lane == lane.id);
-            lines.extend(of_lane.map(|stop| (begin_m + reach.before_m + stop.at_m, k)));
+            let of_lane = map.stop_lines_of(lane.id).iter();
+            lines.extend(of_lane.map(|stop| (begin_m + reach.before_m + stop.s_m, k)));
             lanes.push((k, begin_m));
             turn_rad += if n > 0 { turn(&lane.line) } else { 0.0 };
             begin_m += reach.line.length();

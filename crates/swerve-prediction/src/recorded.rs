@@ -1,6 +1,5 @@
 //! Recorded tracks from files, and the windows on which predictors are evaluated.
 
-mod lanelets;
 mod made;
 mod placed;
 mod written;
@@ -15,7 +14,6 @@ use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
 
 use crate::lanes::LaneGraph;
 
-pub use lanelets::commonroad_lanelets;
 pub use made::{made, made_finely};
 pub use written::{StepError, commonroad_text};
 

@@ -42,8 +42,28 @@ pub struct Signal {
     pub size_m: [f64; 2],
     /// Lanes that it is for; empty for all.
     pub validity: Vec<Validity>,
+    /// Position of the signal itself, if it is not where the signal holds (`<positionRoad>`, `<positionInertial>`).
+    pub physical: Option<Physical>,
     /// Signals that depend on it or that it depends on (`<dependency>`, `<reference>`), by identity.
     pub related: Vec<String>,
+}
+
+/// Position of a signal that is not where it holds.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Physical {
+    /// Beside a road.
+    Road {
+        /// Identity of the road.
+        road: String,
+        /// Along the road, metres.
+        s_m: f64,
+        /// To the left of its reference line, metres.
+        t_m: f64,
+        /// Height over the road, metres.
+        z_offset_m: f64,
+    },
+    /// In the frame of the file, metres.
+    Inertial([f64; 3]),
 }
 
 /// A signal of another road that holds for this one, too.
@@ -70,6 +90,10 @@ pub struct Object {
     pub name: String,
     /// Kind, such as `crosswalk`, `pole`, `building`.
     pub kind: String,
+    /// Variant of the kind, such as `signalLines` of `roadMark`; may be empty.
+    pub subtype: String,
+    /// Direction of traffic that it is for: `+`, `-` or `none`; may be empty.
+    pub orientation: String,
     /// Position along the road, metres.
     pub s_m: f64,
     /// Position to the left of the reference line, metres.
@@ -82,6 +106,8 @@ pub struct Object {
     pub size_m: [f64; 3],
     /// Outlines.
     pub outlines: Vec<Outline>,
+    /// Lanes that it is for; empty for all.
+    pub validity: Vec<Validity>,
     /// Number of `<repeat>` records.
     pub repeats: usize,
 }

@@ -45,8 +45,19 @@ pub struct Junction {
     pub kind: JunctionKind,
     /// Connections of incoming roads.
     pub connections: Vec<Connection>,
+    /// Rights of way between roads.
+    pub priorities: Vec<Priority>,
     /// Controllers of the junction's signals.
     pub controllers: Vec<String>,
+}
+
+/// Right of way of a road over another (`<priority>`): incoming roads, or connecting roads in old files.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Priority {
+    /// Road with priority.
+    pub high: String,
+    /// Road whose traffic gives way.
+    pub low: String,
 }
 
 /// A way through a junction.

@@ -5,6 +5,7 @@ mod junctions;
 mod lanes;
 mod references;
 mod roads;
+pub(crate) mod sections;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,6 +25,8 @@ struct Reading<'a> {
     xml: Reader,
     /// References to other elements, resolved when all are read.
     references: Vec<Reference<'a>>,
+    /// Pieces of lanes that are split.
+    pieces: usize,
 }
 
 /// Reads a network.
@@ -35,13 +38,15 @@ pub(super) fn network(file: &str, text: &str) -> Result<Network, Problems> {
     if root.tag_name().name() == "OpenDRIVE" {
         reading.root(root, &mut network);
         references::resolve(&mut reading.xml, std::mem::take(&mut reading.references), &network);
+        if reading.xml.faults() == 0 {
+            reading.split_at_joints(root, &mut network);
+        }
     } else {
         reading.xml.fault(root, || "expected the element `OpenDRIVE`".to_owned());
     }
     let (faults, defects, unknown) = reading.xml.finish(file, text);
     if faults.count() > 0 {
-        let more = faults.count() + defects.count() - faults.len() - defects.len();
-        return Err(Problems::new(file, faults.iter().chain(defects.iter()).cloned().collect(), more));
+        return Err(faults.with(&defects));
     }
     Ok(Network { defects, unknown, ..network })
 }

@@ -14,7 +14,7 @@ pub enum Contact {
 }
 
 /// Continuation of a road.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct RoadLink {
     /// The other element.
     pub target: Target,
@@ -23,12 +23,15 @@ pub struct RoadLink {
 }
 
 /// Kind of a road's continuation.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Target {
     /// An end of another road.
     Road(Contact),
-    /// A place within another road, in a virtual junction.
-    Within,
+    /// A place within another road, in a virtual junction: its lane sections are split there.
+    Within {
+        /// Along the other road, metres.
+        s_m: f64,
+    },
     /// A junction.
     Junction,
 }

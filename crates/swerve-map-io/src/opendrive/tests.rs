@@ -4,3 +4,4 @@ mod bad;
 mod hand;
 mod published;
 mod second;
+mod split;

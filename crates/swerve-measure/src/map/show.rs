@@ -1,22 +1,23 @@
-//! `swerve map show`: road networks of OpenDRIVE files.
+//! `swerve map show`: road networks of OpenDRIVE, Lanelet2, CommonRoad and SUMO files.
+
+mod lanes;
+mod network;
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow};
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
-use swerve_map_io::import::{Gap, Imported, import};
-use swerve_map_io::links::Links;
-use swerve_map_io::opendrive::Network;
-use swerve_map_io::route::{self, Way};
-use swerve_map_io::summary::Summary;
-use swerve_map_io::{FILE_MAX, picture, points};
+use swerve_map_io::commonroad::{self, Centers};
+use swerve_map_io::format::Format;
+use swerve_map_io::{FILE_MAX, lanelet2, sumo};
 use swerve_text::{decoded, read_given};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct ShowArgs {
-    /// Road network (OpenDRIVE 1.4 to 1.8)
-    #[arg(value_name = "FILE.xodr")]
+    /// Road network: OpenDRIVE 1.4 to 1.8 (.xodr), Lanelet2 (.osm), CommonRoad 2018b and 2020a (.xml, .xml.gz), SUMO
+    /// (.net.xml)
+    #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Picture file to write
     #[arg(short, long, value_name = "FILE")]
@@ -26,12 +27,14 @@ pub(super) struct ShowArgs {
     #[command(flatten)]
     overwrite: OverwriteArgs,
     /// Print samples of lane centre lines at the places of a CSV file with the columns road, section, lane, s
+    /// (OpenDRIVE)
     #[arg(long, value_name = "POINTS.csv", conflicts_with_all = ["links", "json", "route"])]
     sample: Option<PathBuf>,
     /// Print the gaps between the ends of linked lanes as one JSON object
     #[arg(long, conflicts_with_all = ["json", "route"])]
     links: bool,
-    /// Find the way between two places: `road:lane:s`, or `x,y` for the nearest driving lane, metres
+    /// Find the way between two places: `road:lane:s` (OpenDRIVE) or `lane:s`, or `x,y` for the nearest driving lane,
+    /// metres
     #[arg(long, num_args = 2, value_names = ["FROM", "TO"], allow_hyphen_values = true, action = clap::ArgAction::Set)]
     route: Vec<String>,
     /// Fail if the file has defects: links to things that are not there, ends that do not meet, unknown types
@@ -42,73 +45,43 @@ pub(super) struct ShowArgs {
     json: bool,
 }
 
-/// A file and what is made of it.
-struct Loaded {
+/// A file as text.
+struct Source {
     file: String,
+    /// Name in pictures.
+    title: String,
+    /// Size of the text, bytes.
     bytes: usize,
-    network: Network,
-    links: Links,
-    imported: Imported,
+    text: String,
 }
 
 pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
     args.overwrite.check(args.out.as_deref())?;
-    let loaded = load(args)?;
-    let defects = loaded.network.defects.count() + loaded.imported.gaps.len();
-    if args.strict && defects > 0 {
-        let gap = |gap: &Gap| format!("\n{}: {} are {:.4} m apart", loaded.file, gap.ends, gap.gap_m);
-        let gaps: String = loaded.imported.gaps.iter().map(gap).collect();
-        bail!("{}: expected no defects, found {defects}\n{}{gaps}", loaded.file, loaded.network.defects);
-    }
-    let way = way(args, &loaded)?;
-    let Loaded { file, network, links, imported, .. } = &loaded;
-    let summary = Summary::of(network, imported, loaded.bytes);
-    if let Some(out) = &args.out {
-        let extent_m = summary.extent_m.with_context(|| format!("{file}: no lanes to draw"))?;
-        let title = args.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        args.pictures.write(out, &picture::draw(network, imported, extent_m, &title, way.as_ref()))?;
-    }
-    if let Some(table) = &args.sample {
-        let name = table.display().to_string();
-        let text = decoded(read_given(table, FILE_MAX).with_context(|| format!("reading {name}"))?);
-        return points::sampled(network, &name, &text.map_err(|error| anyhow!("{name}: {error}"))?)
-            .map_err(|message| anyhow!(message));
-    }
-    if args.links {
-        return Ok(format!("{:#}\n", links.json(network)));
-    }
-    if args.json {
-        let mut json = summary.json(file, network, imported, links);
-        if let Some(way) = &way {
-            json["route"] = route::json(network, imported, way);
+    let source = read(args)?;
+    let file = &source.file;
+    let mut text = match Format::of(file, &source.text).map_err(|message| anyhow!("{file}: {message}"))? {
+        Format::OpenDrive => network::show(args, &source)?,
+        Format::CommonRoad => {
+            lanes::show(args, &source, &commonroad::read(file, &source.text, Centers::Rounded)?.lanes)?
         }
-        return Ok(format!("{json}\n"));
-    }
-    let mut text = summary.text(file, network, imported, links);
-    if let Some(way) = &way {
-        text.push_str(&route::text(network, imported, way));
-    }
-    if let Some(out) = &args.out {
+        Format::Lanelet2 => lanes::show(args, &source, &lanelet2::read(file, &source.text)?.lanes)?,
+        Format::Sumo => lanes::show(args, &source, &sumo::read(file, &source.text)?.lanes)?,
+    };
+    if let Some(out) = args.out.as_ref().filter(|_| !args.json && !args.links && args.sample.is_none()) {
         text.push_str(&format!("{}\n", out.display()));
     }
     Ok(text)
 }
 
-fn load(args: &ShowArgs) -> anyhow::Result<Loaded> {
+/// Reads a file, which may be packed by gzip.
+fn read(args: &ShowArgs) -> anyhow::Result<Source> {
+    const GZIP: [u8; 2] = [0x1f, 0x8b];
     let file = args.file.display().to_string();
     let bytes = read_given(&args.file, FILE_MAX).with_context(|| format!("reading {file}"))?;
-    let count = bytes.len();
-    let text = decoded(bytes).map_err(|error| anyhow!("{file}: {error}"))?;
-    let network = Network::read(&file, &text)?;
-    let links = Links::of(&network);
-    let imported = import(&network, &links).with_context(|| file.clone())?;
-    Ok(Loaded { file, bytes: count, network, links, imported })
-}
-
-fn way(args: &ShowArgs, Loaded { network, imported, .. }: &Loaded) -> anyhow::Result<Option<Way>> {
-    let [from, to] = &*args.route else { return Ok(None) };
-    let stop =
-        |text: &String| route::stop(network, imported, text).map_err(|message| anyhow!("--route: {message}"));
-    let way = route::find(&imported.map, stop(from)?, stop(to)?);
-    way.map(Some).with_context(|| format!("--route: no way from {from} to {to} over driving lanes"))
+    let text = match bytes.starts_with(&GZIP) {
+        true => swerve_prediction::recorded::text(bytes).map_err(|message| anyhow!("{file}: {message}"))?,
+        false => decoded(bytes).map_err(|error| anyhow!("{file}: {error}"))?,
+    };
+    let title = args.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Source { file, title, bytes: text.len(), text })
 }

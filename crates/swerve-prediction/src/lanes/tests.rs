@@ -1,4 +1,4 @@
-use swerve_map::Borders;
+use swerve_map::{Borders, Features, Signal, StopLine};
 
 use super::*;
 
@@ -17,8 +17,18 @@ fn fork() -> LaneGraph {
         lane(2, &[(40.0, 0.0), (90.0, 0.0)], &[]),
         lane(3, &[(40.0, 0.0), (48.0, 2.0), (52.0, 10.0), (52.0, 40.0)], &[]),
     ];
-    let stop = StopLine { lane: LaneId(1), at_m: 38.0, lights: vec![7] };
-    LaneGraph::new(Map::new(lanes).unwrap(), vec![stop]).unwrap()
+    let light = Signal {
+        id: SignalId(7),
+        name: String::new(),
+        position: Point2::new(45.0, 3.0),
+        heading_rad: 3.1,
+        height_m: None,
+        lanes: vec![LaneId(1)],
+        controller: None,
+    };
+    let stop = StopLine { signals: vec![SignalId(7)], ..StopLine::new(LaneId(1), 38.0) };
+    let features = Features { signals: vec![light], stop_lines: vec![stop], ..Features::default() };
+    LaneGraph::new(Map::with_features(lanes, features).unwrap())
 }
 
 #[test]
@@ -34,7 +44,7 @@ fn lane_sequences_cover_all_successors_and_extensions() {
     assert!(ways[0].turn_rad < 1e-9 && (ways[1].turn_rad - 1.326).abs() < 0.01, "{}", ways[1].turn_rad);
     assert!(ways[0].curvature_1pm(200.0).abs() < 1e-9 && ways[0].curvature_1pm(-1e9) == 0.0);
     assert!(ways[1].curvature_1pm(BEYOND_M + 47.0) > 0.05, "a bend to the left");
-    assert_eq!((lanes.lights(0).collect::<Vec<_>>(), lanes.lights(1).count()), (vec![7], 0));
+    assert_eq!((lanes.signals(0).collect::<Vec<_>>(), lanes.signals(1).count()), (vec![SignalId(7)], 0));
 }
 
 #[test]
@@ -62,11 +72,8 @@ fn lane_sequences_of_cyclic_maps_are_bounded() {
     ];
     let knot = (1..=3).map(|id| lane(id, &[(0.0, 0.0), (0.001, 0.0), (0.0, 0.0)], &[1, 2, 3])).collect();
     for (lanes, ways_max) in [(ring, 1), (knot, WAYS_MAX)] {
-        let lanes = LaneGraph::new(Map::new(lanes).unwrap(), vec![]).unwrap();
+        let lanes = LaneGraph::new(Map::new(lanes).unwrap());
         assert_eq!(lanes.ways(0).len(), ways_max);
         assert!(lanes.ways(0).iter().all(|way| way.lanes.len() <= LANES_MAX && way.line.length() < 250.0));
     }
-    let stray = StopLine { lane: LaneId(9), at_m: 0.0, lights: vec![] };
-    let map = Map::new(vec![lane(1, &[(0.0, 0.0), (1.0, 0.0)], &[])]).unwrap();
-    assert!(LaneGraph::new(map, vec![stray]).unwrap_err().to_string().contains("lane 9"));
 }

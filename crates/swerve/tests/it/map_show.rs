@@ -1,4 +1,4 @@
-//! `swerve map show`: road networks of OpenDRIVE files.
+//! `swerve map show`: road networks of OpenDRIVE and SUMO files.
 
 use crate::support::Bench;
 
@@ -98,4 +98,84 @@ fn all_faults_of_a_network_are_reported_with_their_place() {
     assert_eq!(bench.swerve(&["map", "show", "m.xodr"]).code, Some(0));
     let said = bench.swerve(&["map", "show", "m.xodr", "--strict"]);
     assert!(said.code == Some(1) && said.stderr.contains("expected no defects, found 1"), "{said:?}");
+}
+
+#[test]
+fn sumo_network_is_shown_with_its_lights_and_a_route() {
+    let bench = Bench::new();
+    bench.write("m.net.xml", include_str!("../../../swerve-map-io/maps/junction.net.xml"));
+    let route = ["--route", "in_2:5", "beyond_0:30"];
+    let text = bench.good(&[&["map", "show", "m.net.xml", "--out", "m.svg"], &route[..]].concat());
+    for line in [
+        "m.net.xml: SUMO 1.20, ",
+        "lane map    11 lanes: 10 driving 0.383 km, 1 walking 0.090 km; 2 junctions, 2 rights of way, 3 signals, 5 stop lines",
+        "defects     0",
+        "route       175.0 m over 4 lanes, 0 lane changes",
+        "  follow        :J_1_0 ",
+    ] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
+    }
+    let picture = bench.read("m.svg");
+    assert!(picture.contains("stop line, signals L:0") && picture.contains("crossing :J_c0"), "{picture}");
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.net.xml", "--json"])).unwrap();
+    assert_eq!((&json["map_features"]["signals"], &json["types"]["internal"]), (&3.into(), &6.into()));
+    bench.write("m.net.xml", "<net><edge id=\"a\"><lane id=\"a_0\" shape=\"0,0 NaN,1\"/></edge></net>");
+    let said = bench.swerve(&["map", "show", "m.net.xml"]);
+    assert_eq!(said.code, Some(1));
+    assert!(
+        said.stderr.contains("m.net.xml:1:34: edge a/lane a_0: `shape`: expected a finite number, found NaN"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn lanelet2_map_is_shown_with_its_rules_and_a_route() {
+    let bench = Bench::new();
+    bench.write("m.osm", include_str!("../../../swerve-map-io/maps/junction.osm"));
+    // From the west to the east, through the junction.
+    let text = bench.good(&["map", "show", "m.osm", "--out", "m.svg", "--route", "88:5", "90:10"]);
+    for line in [
+        "m.osm: Lanelet2, local coordinates, 47 KiB",
+        "lane map    16 lanes: 1 cycling 0.065 km, 12 driving 0.544 km, 1 shoulder 0.065 km, 2 walking 0.017 km; 1 junction",
+        "extent      x -80.0 to 80.0 m, y -80.0 to 5.5 m, z 0.0 to 5.2 m",
+        "defects     0",
+        "route       100.0 m over 3 lanes, 0 lane changes",
+    ] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
+    }
+    assert!(bench.read("m.svg").contains("crossing "));
+    bench.write("m.osm", include_str!("../../../swerve-map-io/maps/alley.osm"));
+    let links: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.osm", "--links"])).unwrap();
+    assert_eq!((&links["links"], &links["gaps"][0]["joined"]), (&3.into(), &true.into()));
+    let said = bench.swerve(&["map", "show", "m.osm", "--strict"]);
+    assert!(said.code == Some(1) && said.stderr.contains("are 0.3000 m apart"), "{said:?}");
+}
+
+#[test]
+fn commonroad_scenario_is_shown_also_packed() {
+    let bench = Bench::new();
+    bench.write("m.xml", include_str!("../../../swerve-map-io/src/commonroad/tests/small.xml"));
+    let text = bench.good(&["map", "show", "m.xml", "--route", "1:5", "3:2"]);
+    for line in [
+        "m.xml: CommonRoad 2020a, 3 KiB",
+        "lane map    3 lanes: 1 cycling 0.020 km, 2 driving 0.030 km; 2 signals, 2 stop lines",
+        "route       17.0 m over 2 lanes, 0 lane changes",
+    ] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.good(&["map", "show", "m.xml", "--json"])).unwrap();
+    assert_eq!((&json["map_lanes"], &json["successors"]), (&3.into(), &1.into()));
+    for (name, text, told) in [
+        ("m.xml", "<commonRoad/>", "m.xml:1:1: commonRoad: expected lanelets, found none"),
+        ("m.xml", "<kml/>", "m.xml:1:1: kml: expected the element `commonRoad`"),
+        ("m.kml", "<kml/>", "m.kml: expected a road network with the root element `OpenDRIVE` (.xodr)"),
+        ("m.xml", "\u{1f}", "m.xml:1:1: it is not XML"),
+    ] {
+        bench.write(name, text);
+        let said = bench.swerve(&["map", "show", name]);
+        assert!(said.code == Some(1) && said.stderr.contains(told), "{said:?}\nexpected {told}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::references::Wanted;
 use super::{Reading, Reference, named};
-use crate::opendrive::{Corner, Object, Outline, Road, Signal, SignalReference, Validity};
+use crate::opendrive::{Corner, Object, Outline, Physical, Road, Signal, SignalReference, Validity};
 use crate::xml::{Element, optional};
 
 impl<'a> Reading<'a> {
@@ -51,7 +51,9 @@ impl<'a> Reading<'a> {
             "reference" => child.attribute("elementId"),
             _ => None,
         });
+        let physical = children.iter().find_map(|child| self.physical(*child));
         Signal {
+            physical,
             related: related.map(str::to_owned).collect(),
             id: self.xml.text(at, "id"),
             name: optional(at, "name"),
@@ -68,6 +70,27 @@ impl<'a> Reading<'a> {
             heading_rad: self.xml.lenient(at, "hOffset").unwrap_or_default(),
             size_m: ["width", "height"].map(|name| self.xml.lenient(at, name).unwrap_or_default()),
             validity: self.validity(&named(&children, "validity")),
+        }
+    }
+
+    fn physical(&mut self, at: Element<'a>) -> Option<Physical> {
+        match at.tag_name().name() {
+            "positionRoad" => {
+                let road = self.xml.text(at, "roadId");
+                self.references.push(Reference {
+                    at,
+                    attribute: "roadId",
+                    wanted: Wanted::Road(road.clone()),
+                });
+                let [s_m, t_m] = ["s", "t"].map(|name| self.xml.number(at, name));
+                let z_offset_m = self.xml.lenient(at, "zOffset").unwrap_or_default();
+                Some(Physical::Road { road, s_m, t_m, z_offset_m })
+            }
+            "positionInertial" => {
+                let [x_m, y_m] = ["x", "y"].map(|name| self.xml.number(at, name));
+                Some(Physical::Inertial([x_m, y_m, self.xml.lenient(at, "z").unwrap_or_default()]))
+            }
+            _ => None,
         }
     }
 
@@ -130,12 +153,15 @@ impl<'a> Reading<'a> {
             id: optional(at, "id"),
             name: optional(at, "name"),
             kind: optional(at, "type"),
+            subtype: optional(at, "subtype"),
+            orientation: optional(at, "orientation"),
             s_m: self.xml.number(at, "s"),
             t_m: self.xml.number(at, "t"),
             z_offset_m: self.xml.lenient(at, "zOffset").unwrap_or_default(),
             heading_rad: self.xml.lenient(at, "hdg").unwrap_or_default(),
             size_m,
             outlines: outlines.into_iter().map(|outline| self.outline(outline)).collect(),
+            validity: self.validity(&named(&children, "validity")),
             repeats: named(&children, "repeat").len(),
         }
     }

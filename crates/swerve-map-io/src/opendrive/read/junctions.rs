@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::references::{JunctionLane, Wanted};
 use super::{Reading, Reference};
-use crate::opendrive::{Connection, Contact, Controller, Junction, JunctionKind, LaneLink};
+use crate::opendrive::{Connection, Contact, Controller, Junction, JunctionKind, LaneLink, Priority};
 use crate::xml::{Element, optional};
 
 impl<'a> Reading<'a> {
@@ -29,6 +29,7 @@ impl<'a> Reading<'a> {
             name: optional(at, "name"),
             kind: JunctionKind::of(kind),
             connections: Vec::new(),
+            priorities: Vec::new(),
             controllers: Vec::new(),
         };
         let mut ids = BTreeSet::new();
@@ -42,6 +43,7 @@ impl<'a> Reading<'a> {
                     }
                     junction.connections.push(connection);
                 }
+                "priority" => junction.priorities.extend(self.priority(child)),
                 "controller" => {
                     let id = self.xml.text(child, "id");
                     let wanted = Wanted::Controller(id.clone());
@@ -52,6 +54,16 @@ impl<'a> Reading<'a> {
             }
         }
         junction
+    }
+
+    /// A right of way; `None` for a road with priority over all others, or below all.
+    fn priority(&mut self, at: Element<'a>) -> Option<Priority> {
+        let [high, low] = ["high", "low"].map(|attribute| {
+            let id = at.attribute(attribute).filter(|id| !id.is_empty())?;
+            self.references.push(Reference { at, attribute, wanted: Wanted::Road(id.to_owned()) });
+            Some(id.to_owned())
+        });
+        Some(Priority { high: high?, low: low? })
     }
 
     fn connection(&mut self, at: Element<'a>, kind: JunctionKind, place: (usize, usize)) -> Connection {

@@ -1,6 +1,7 @@
 //! Lane sections and lanes.
 
 use super::references::{LinkedLane, Wanted};
+use super::sections::{Begin, Plan};
 use super::{Order, Reading, Reference, named};
 use crate::opendrive::lane::LaneGeometry;
 use crate::opendrive::{Contact, Lane, LaneSection, LaneType, Road, RoadMark};
@@ -12,11 +13,23 @@ use swerve_text::did_you_mean;
 const LANES_MAX: usize = 200;
 
 /// Place of a lane section in its road.
-#[derive(Clone, Copy)]
-struct At {
+#[derive(Clone)]
+struct At<'p> {
     road: usize,
     section: usize,
     s_m: f64,
+    plan: &'p Plan,
+}
+
+/// Begin and sides of a lane section: a single-sided one holds for the side that has lanes, all others for both.
+fn begin(at: Element<'_>) -> Begin {
+    let has = |name| at.children().any(|child| child.has_tag_name(name));
+    let sides = match at.attribute("singleSide") {
+        Some("true") => [has("left"), has("right")],
+        _ => [true; 2],
+    };
+    let s_m = at.attribute("s").and_then(|text| text.trim().parse().ok()).unwrap_or(0.0);
+    Begin { s_m, sides }
 }
 
 impl<'a> Reading<'a> {
@@ -27,6 +40,7 @@ impl<'a> Reading<'a> {
         if sections.is_empty() {
             self.xml.fault(at, || "expected a `laneSection` at least".to_owned());
         }
+        let plan = Plan::new(&sections.iter().map(|section| begin(*section)).collect::<Vec<_>>());
         let mut order = Order::new("s");
         for (index, section) in sections.into_iter().enumerate() {
             let s_m = self.xml.number(section, "s");
@@ -39,23 +53,15 @@ impl<'a> Reading<'a> {
                     format!("it begins beyond the end of the road at {} m", road.length_m)
                 });
             }
-            let place = At { road: road_index, section: index, s_m };
-            let section = self.section(section, place);
+            let place = At { road: road_index, section: index, s_m, plan: &plan };
+            let section = self.section(section, &place);
             road.sections.push(section);
         }
-        let has_both = road.sections.iter().any(|section| !section.left.is_empty())
-            && road.sections.iter().any(|section| !section.right.is_empty());
-        for section in named(&children, "laneSection").into_iter().filter(|_| has_both) {
-            if section.attribute("singleSide") == Some("true") {
-                self.xml.fault_in(section, "singleSide", || {
-                    "expected `false`: the road has lanes on both sides, where single-sided sections are not supported"
-                        .to_owned()
-                });
-            }
-        }
+        let sections = std::mem::take(&mut road.sections);
+        road.sections = self.distributed(at, &plan, sections, road.length_m);
     }
 
-    fn section(&mut self, at: Element<'a>, place: At) -> LaneSection {
+    fn section(&mut self, at: Element<'a>, place: &At<'_>) -> LaneSection {
         let mut section =
             LaneSection { s_m: place.s_m, left: Vec::new(), right: Vec::new(), center_marks: Vec::new() };
         for side in self.xml.geometric(at, &["left", "center", "right"]) {
@@ -69,7 +75,7 @@ impl<'a> Reading<'a> {
         section
     }
 
-    fn center(&mut self, at: Element<'a>, place: At) -> Vec<RoadMark> {
+    fn center(&mut self, at: Element<'a>, place: &At<'_>) -> Vec<RoadMark> {
         let known = ["link", "roadMark", "width", "border", "speed", "material", "height", "access", "rule"];
         let children = self.xml.children(at, &known);
         if let Some(id) = self.xml.integer(at, "id").filter(|id| *id != 0) {
@@ -79,7 +85,7 @@ impl<'a> Reading<'a> {
     }
 
     /// Lanes of a side, ordered from inside to outside.
-    fn side(&mut self, at: Element<'a>, lanes: &[Element<'a>], sign: i32, place: At) -> Vec<Lane> {
+    fn side(&mut self, at: Element<'a>, lanes: &[Element<'a>], sign: i32, place: &At<'_>) -> Vec<Lane> {
         if lanes.len() > LANES_MAX {
             self.xml.fault(at, || format!("expected at most {LANES_MAX} lanes, found {}", lanes.len()));
             return Vec::new();
@@ -117,7 +123,7 @@ impl<'a> Reading<'a> {
         found.into_iter().map(|(_, lane)| lane).collect()
     }
 
-    fn lane(&mut self, at: Element<'a>, id: i32, place: At) -> Lane {
+    fn lane(&mut self, at: Element<'a>, id: i32, place: &At<'_>) -> Lane {
         const KNOWN: [&str; 10] = [
             "link",
             "width",
@@ -154,7 +160,9 @@ impl<'a> Reading<'a> {
                 let Some(other) = self.xml.integer(child, "id") else { continue };
                 (if is_before { &mut predecessors } else { &mut successors }).push(other);
                 let end = if is_before { Contact::Start } else { Contact::End };
-                let linked = LinkedLane { road: place.road, section: place.section, end, other };
+                let span = place.plan.span(place.section, id);
+                let section = if is_before { span.start } else { span.end.saturating_sub(1) };
+                let linked = LinkedLane { road: place.road, section, end, other };
                 self.references.push(Reference {
                     at: child,
                     attribute: "id",

@@ -147,7 +147,9 @@ impl<'a> Reading<'a> {
         let id = self.xml.text(at, "elementId");
         let (target, wanted) = match kind {
             "junction" => (Target::Junction, Wanted::Junction(id.clone())),
-            _ if at.has_attribute("elementS") => (Target::Within, Wanted::Road(id.clone())),
+            _ if at.has_attribute("elementS") => {
+                (Target::Within { s_m: self.xml.number(at, "elementS") }, Wanted::Road(id.clone()))
+            }
             _ => (Target::Road(self.contact(at)?), Wanted::Road(id.clone())),
         };
         self.references.push(Reference { at, attribute: "elementId", wanted });

@@ -8,8 +8,9 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_map_io::commonroad::{self, Centers};
 use swerve_prediction::lanes::LaneGraph;
-use swerve_prediction::recorded::{Recording, commonroad_csv, commonroad_lanelets, eth_ucy, text};
+use swerve_prediction::recorded::{Recording, commonroad_csv, eth_ucy, text};
 use swerve_report::files::{entries, read_whole};
 
 #[expect(missing_docs, reason = "in help and schemas the keys that take it describe it")]
@@ -146,9 +147,8 @@ fn maps(folder: &Path, file: &File) -> anyhow::Result<BTreeMap<String, Arc<LaneG
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.trim_end_matches(".gz").trim_end_matches(".xml").to_owned();
         if file.recordings.iter().any(|(scenario, _)| site(scenario) == site(&name)) {
-            let lanes = commonroad_lanelets(&unpacked(&path)?);
-            let lanes = lanes.map_err(|error| anyhow!("{}:{error}", path.display()))?;
-            maps.insert(name, Arc::new(lanes));
+            let roads = commonroad::read(&path.display().to_string(), &unpacked(&path)?, Centers::Middles)?;
+            maps.insert(name, Arc::new(LaneGraph::new(roads.lanes.map)));
         }
     }
     Ok(maps)

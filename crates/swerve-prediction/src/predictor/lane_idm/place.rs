@@ -2,6 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
+use swerve_map::SignalId;
 use swerve_msg::ActorKind;
 
 use crate::lanes::{LaneGraph, LaneWay, Spot};
@@ -247,7 +248,7 @@ impl Along<'_> {
     }
 }
 
-/// Lanes with a vehicle waiting at their stop line, and all lanes with the same lights: these are presumed red.
+/// Lanes with a vehicle waiting at their stop line, and all lanes with the same signals: these are presumed red.
 pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<'_>) -> Vec<bool> {
     let Ground::Lanes(lanes) = ground else { return Vec::new() };
     let mut red = vec![false; lanes.map().lanes().len()];
@@ -258,11 +259,11 @@ pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<
             red[lane] = true;
         }
     }
-    let waited: Vec<Vec<u32>> =
-        (0..red.len()).filter(|k| red[*k]).map(|k| lanes.lights(k).collect()).collect();
+    let waited: Vec<Vec<SignalId>> =
+        (0..red.len()).filter(|k| red[*k]).map(|k| lanes.signals(k).collect()).collect();
     for (k, is_red) in red.iter_mut().enumerate() {
-        let lights: Vec<u32> = lanes.lights(k).collect();
-        *is_red |= !lights.is_empty() && waited.contains(&lights);
+        let signals: Vec<SignalId> = lanes.signals(k).collect();
+        *is_red |= !signals.is_empty() && waited.contains(&signals);
     }
     red
 }

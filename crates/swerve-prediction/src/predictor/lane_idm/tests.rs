@@ -1,11 +1,11 @@
 use proptest::prelude::*;
 use swerve_core::Span;
 use swerve_geom::{Polyline, Pose2};
-use swerve_map::{Borders, Lane, LaneId, Map};
+use swerve_map::{Borders, Features, Lane, LaneId, Map, Signal, SignalId, StopLine};
 use swerve_msg::{ActorId, ActorKind, Extent, Prediction, Sighting, Track, TrackList};
 
 use super::*;
-use crate::lanes::{LaneGraph, StopLine};
+use crate::lanes::LaneGraph;
 use crate::predictor::{PredictorName, predict};
 
 const FIVE_SECONDS: Horizon = Horizon { steps: 50, step: Span::from_ms(100) };
@@ -39,8 +39,19 @@ fn fork() -> LaneGraph {
         lane(3, &[(60.0, 0.0), (72.0, 3.0), (80.0, 12.0), (82.0, 100.0)], &[]),
         lane(4, &[(0.0, -3.5), (60.0, -3.5)], &[]),
     ];
-    let stop = |lane| StopLine { lane: LaneId(lane), at_m: 60.0, lights: vec![7] };
-    LaneGraph::new(Map::new(lanes).unwrap(), vec![stop(1), stop(4)]).unwrap()
+    let light = Signal {
+        id: SignalId(7),
+        name: String::new(),
+        position: Point2::new(75.0, 6.0),
+        heading_rad: 3.1,
+        height_m: None,
+        lanes: vec![LaneId(1), LaneId(4)],
+        controller: None,
+    };
+    let stop = |lane| StopLine { signals: vec![SignalId(7)], ..StopLine::new(LaneId(lane), 60.0) };
+    let features =
+        Features { signals: vec![light], stop_lines: vec![stop(1), stop(4)], ..Features::default() };
+    LaneGraph::new(Map::with_features(lanes, features).unwrap())
 }
 
 fn foretold(tracks: Vec<Track>, lanes: &LaneGraph) -> Vec<Modes> {
@@ -141,8 +152,9 @@ proptest! {
             let next = (0..ends.len()).filter(|j| ends[*j].0 == ends[k].1);
             lanes[k].successors = next.map(|j| LaneId(j as u32)).collect();
         }
-        let stops = vec![StopLine { lane: LaneId(0), at_m: 1.0, lights: vec![] }];
-        let lanes = LaneGraph::new(Map::new(lanes).unwrap(), stops).unwrap();
+        let stop_lines = vec![StopLine::new(LaneId(0), lanes[0].line.length().min(1.0))];
+        let features = Features { stop_lines, ..Features::default() };
+        let lanes = LaneGraph::new(Map::with_features(lanes, features).unwrap());
         let track = |(k, &(x, y, vx, vy)): (usize, &(f64, f64, f64, f64))| {
             let to = (x + 3.0 * vx + 1e-3, y + 3.0 * vy);
             let line = Polyline::new(&[Point2::new(x, y), Point2::new(to.0, to.1)]).unwrap();

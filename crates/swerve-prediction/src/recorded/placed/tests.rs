@@ -16,7 +16,7 @@ fn crossing() -> Arc<LaneGraph> {
         lane(1, &[(0.0, 0.0), (100.0, 0.0)]),
         lane(2, &[(50.0, -60.0), (50.0, 20.0), (60.0, 40.0), (80.0, 50.0)]),
     ];
-    Arc::new(LaneGraph::new(Map::new(lanes).unwrap(), vec![]).unwrap())
+    Arc::new(LaneGraph::new(Map::new(lanes).unwrap()))
 }
 
 /// Tracks along both lanes, translated by `off`, 0.3 m to the left of the centre.
