@@ -219,7 +219,7 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
 #[cfg(test)]
 mod tests {
     use swerve_geom::Vector2;
-    use swerve_msg::ActorKind;
+    use swerve_msg::{ActorId, ActorKind};
 
     use super::*;
 
@@ -234,7 +234,7 @@ mod tests {
             velocity_mps: Vector2::new(0.0, 0.0),
         };
         let others = [actor(1, ActorKind::Truck), actor(2, ActorKind::Pedestrian)];
-        let shown = actors(Time::ZERO, &others, &["parked truck".to_owned()]);
+        let shown = actors(Time::ZERO, &others, &[(ActorId(1), "parked truck".to_owned())].into());
         let words: Vec<&str> = shown.entities.iter().map(|entity| entity.texts[0].text.as_str()).collect();
         assert_eq!(words, ["parked truck", "pedestrian 2"]);
     }

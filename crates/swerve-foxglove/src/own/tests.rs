@@ -61,7 +61,7 @@ fn foxglove() -> Foxglove {
         mounts: vec![],
         images: None,
         raw_images: false,
-        actors: [].into(),
+        actors: Default::default(),
         ego_from_pose: false,
     })
 }
