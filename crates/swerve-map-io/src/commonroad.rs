@@ -135,4 +135,4 @@ fn check_root(xml: &mut Reader, root: Element<'_>, version: &str) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
