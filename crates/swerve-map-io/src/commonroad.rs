@@ -93,7 +93,7 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
     let (faults, defects, unknown) = xml.finish(file, text);
     let Some((map, gaps)) = made.filter(|_| faults.count() == 0) else { return Err(faults.with(&defects)) };
     let mut lanes = LaneMap {
-        format: format!("CommonRoad {version}"),
+        format: format!("CommonRoad {version}").trim_end().to_owned(),
         map,
         names,
         types,
@@ -113,7 +113,9 @@ fn check_root(xml: &mut Reader, root: Element<'_>, version: &str) {
         xml.fault(root, || "expected the element `commonRoad`".to_owned());
         return;
     }
-    if !VERSIONS.contains(&version) {
+    if version.is_empty() {
+        xml.defect(root, || format!("`commonRoadVersion` is missing: read as {}", VERSIONS[1]));
+    } else if !VERSIONS.contains(&version) {
         xml.fault(root, || {
             format!("`commonRoadVersion`: expected one of {}, found {}", VERSIONS.join(", "), quoted(version))
         });
@@ -135,4 +137,4 @@ fn check_root(xml: &mut Reader, root: Element<'_>, version: &str) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

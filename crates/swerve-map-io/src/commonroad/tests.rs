@@ -2,7 +2,7 @@
 
 mod bad;
 mod hand;
-mod shared;
+pub(crate) mod shared;
 
 /// Two parallel lanes, the left one with a successor; a stop line with lights, and a sign.
 const SMALL: &str = include_str!("tests/small.xml");

@@ -1,6 +1,7 @@
 //! Maps made by `tests/reference/lanelet2/make.py`, Lanelet2 itself as the oracle, and invalid files.
 
 mod bad;
+mod converted;
 mod junction;
 mod oracle;
 

@@ -1,4 +1,4 @@
-//! `swerve map show`: road networks of OpenDRIVE and SUMO files.
+//! `swerve map show`: road networks of OpenDRIVE, SUMO, Lanelet2 and CommonRoad files.
 
 use crate::support::Bench;
 
@@ -153,6 +153,13 @@ fn lanelet2_map_is_shown_with_its_rules_and_a_route() {
     assert!(said.code == Some(1) && said.stderr.contains("are 0.3000 m apart"), "{said:?}");
 }
 
+/// A file packed by gzip: one stored block.
+fn packed(text: &str) -> Vec<u8> {
+    let size = u16::try_from(text.len()).unwrap();
+    let head = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 0, 1];
+    [&head[..], &size.to_le_bytes(), &(!size).to_le_bytes(), text.as_bytes(), &[0; 8]].concat()
+}
+
 #[test]
 fn commonroad_scenario_is_shown_also_packed() {
     let bench = Bench::new();
@@ -165,8 +172,9 @@ fn commonroad_scenario_is_shown_also_packed() {
     ] {
         assert!(text.lines().any(|found| found.starts_with(line)), "{text}\nexpected {line}");
     }
+    std::fs::write(bench.path("m.xml.gz"), packed(&bench.read("m.xml"))).unwrap();
     let json: serde_json::Value =
-        serde_json::from_str(&bench.good(&["map", "show", "m.xml", "--json"])).unwrap();
+        serde_json::from_str(&bench.good(&["map", "show", "m.xml.gz", "--json"])).unwrap();
     assert_eq!((&json["map_lanes"], &json["successors"]), (&3.into(), &1.into()));
     for (name, text, told) in [
         ("m.xml", "<commonRoad/>", "m.xml:1:1: commonRoad: expected lanelets, found none"),

@@ -20,7 +20,6 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("<commonRoad", "<!DOCTYPE a [<!ENTITY b \"c\">]><commonRoad", "expected no document type (DTD)"),
     ("<commonRoad", "<commonRoads/><commonRoad", "m.xml:2:15: it is not XML: "),
     ("2020a", "2017a", "`commonRoadVersion`: expected one of 2018b, 2020a, found \"2017a\""),
-    ("commonRoadVersion", "version", "`commonRoadVersion`: expected one of 2018b, 2020a, found \"\""),
     (
         "id=\"1\"",
         "id=\"-1\"",
@@ -68,6 +67,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
 
 /// As [`FAULTS`], of problems that leave the lanes.
 const DEFECTS: &[(&str, &str, &str)] = &[
+    ("commonRoadVersion", "version", "m.xml:2:1: commonRoad: `commonRoadVersion` is missing: read as 2020a"),
     (
         "<successor ref=\"3\"/>",
         "<successor ref=\"7\"/>",

@@ -18,7 +18,7 @@ const WITHOUT_LANES: [&str; 2] = ["test_reading_obstacles.xml.gz", "test_reading
 const SHARP_M: [(&str, f64); 2] = [("ITA_Siderno-1_3_T-1.xml.gz", 0.015), ("ZAM_Tjunction-1_", 0.0013)];
 
 /// Text of a file packed by gzip without optional fields but its name.
-fn unpacked(path: &Path) -> String {
+pub(crate) fn unpacked(path: &Path) -> String {
     let bytes = std::fs::read(path).unwrap();
     let name =
         if bytes[3] & 8 == 0 { 0 } else { bytes[10..].iter().position(|byte| *byte == 0).unwrap() + 1 };
@@ -41,7 +41,7 @@ fn named<'a, 'n>(of: Node<'a, 'a>, name: &'n str) -> impl Iterator<Item = Node<'
     of.children().filter(move |child| child.has_tag_name(name))
 }
 
-fn points(lanelet: Node<'_, '_>, bound: &str) -> Vec<Point2> {
+pub(crate) fn points(lanelet: Node<'_, '_>, bound: &str) -> Vec<Point2> {
     let number = |point: Node<'_, '_>, name: &str| -> f64 {
         named(point, name).next().unwrap().text().unwrap().trim().parse().unwrap()
     };

@@ -225,7 +225,8 @@ fn recordings_get_lanes_of_maps_beside_them() {
     std::fs::write(maps.join("A-1.xml"), MAP).unwrap();
     assert_eq!(lanes(), counts(1, 1, 1), "its own, one of the same site, none of there");
     std::fs::write(maps.join("A-3.xml"), MAP.replace("</lanelet>", "")).unwrap();
-    assert!(report().unwrap_err().to_string().contains("A-3.xml:1: "));
+    let message = report().unwrap_err().to_string();
+    assert!(message.contains("A-3.xml:1:207: "), "{message}");
     // Maps of other sites are not read.
     std::fs::rename(maps.join("A-3.xml"), maps.join("C-3.xml")).unwrap();
     assert_eq!(lanes(), counts(1, 1, 1));
