@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -50,6 +52,15 @@ def test_planner_plans_with_the_comfort_layer_and_counted_work(file: Any) -> Non
     work = {"operator": {"planner": {"runtime": {"work": {"base_ms": 0.0, "per_unit_us": 10_000.0}}}}}
     timed = swerve.run("lane", by("planner", where, **alone, **work)).streams["planner"]
     assert set((timed.visible_at - timed.stamps).tolist()) == {30_000_000}
+
+
+def test_chain_of_a_collision_ends_at_the_track(file: Any, tmp_path: Path) -> None:
+    """Plans of a class in Python are not computed again: nothing is said of the plans without the person."""
+    log, alone = str(tmp_path / "drive.mcap"), {"planning": {"comfort": {"enabled": False}}}
+    swerve.run("person_crossing", by("planner", f"{file(ROUTE)}:Along", **alone), log=log)
+    command = [sys.executable, "-m", "swerve", "why", log]
+    why = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "planner would have planned without it cannot be computed" in why and "changed" not in why, why
 
 
 def test_planner_replaces_the_one_of_the_paper(file: Any) -> None:

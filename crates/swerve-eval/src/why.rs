@@ -89,6 +89,8 @@ pub enum Until {
     Impact,
     /// The command: the drive without the actor is not known.
     Command,
+    /// The track: plans without the actor are not known.
+    Track,
 }
 
 /// A part of the time between two steps.
@@ -179,12 +181,15 @@ fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
         };
     }
     let missing = match (last.0, until) {
-        (Milestone::Visible, Until::End | Until::Command) => "; it had no effect",
+        (Milestone::Visible, Until::End | Until::Command | Until::Track) => "; it had no effect",
         (Milestone::Visible, Until::Impact) => "; it had no effect before the collision",
-        (Milestone::Detected, Until::End | Until::Command) => "; no track was made",
+        (Milestone::Detected, Until::End | Until::Command | Until::Track) => "; no track was made",
         (Milestone::Detected, Until::Impact) => "; no track was made before the collision",
         (Milestone::Tracked, Until::End | Until::Command) => {
             "; no plan would have been another one without it"
+        }
+        (Milestone::Tracked, Until::Track) => {
+            "; how the planner would have planned without it cannot be computed, because it runs in another program"
         }
         (Milestone::Tracked, Until::Impact) => "; no plan had changed because of it before the collision",
         (Milestone::Planned, Until::End | Until::Command) => "; no command followed from that",

@@ -132,7 +132,10 @@ impl RuntimeModel {
     /// Run time of `units` under `Work`.
     pub(crate) fn worked(&self, units: u64) -> Span {
         match self {
-            Self::Work { base, per_unit_ns } => *base + whole(per_unit_ns * units as f64),
+            Self::Work { base, per_unit_ns } => {
+                let own = whole(per_unit_ns * units as f64);
+                Span::from_ns(base.ns().saturating_add(own.ns()))
+            }
             _ => Span::ZERO,
         }
     }

@@ -288,6 +288,4 @@ fn leaves(network: &Network, end: LaneEnd) -> bool {
 }
 
 #[cfg(test)]
-mod published;
-#[cfg(test)]
 mod tests;

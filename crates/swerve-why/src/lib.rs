@@ -262,6 +262,13 @@ impl Logged {
         Ok(Why::new(name, ending.verdict, (&ending.words, until), &steps))
     }
 
+    /// True if an operator is computed by a program that is not run again: a class in Python.
+    fn runs_elsewhere(&self, operator: &str) -> bool {
+        let mut processes = self.config.process.values();
+        processes
+            .any(|process| process.python.is_some() && process.operators.iter().any(|name| name == operator))
+    }
+
     fn steps(
         &self,
         pipeline: Pipeline,
@@ -296,6 +303,9 @@ impl Logged {
             tracked.at,
             timeline.waits(&tracks, last, tracked, "confirmation by"),
         ));
+        if self.runs_elsewhere(&planner) {
+            return Ok((steps, Until::Track));
+        }
         last = tracked;
         let plans =
             timeline.stream_of::<Plan>(&planner).context("the planner publishes no plans")?.to_owned();

@@ -1,5 +1,7 @@
 //! Section 4: run times and resources.
 
+use swerve_core::Span;
+
 use super::net::*;
 use crate::*;
 
@@ -81,6 +83,13 @@ fn s4_work_counts_units() {
     let ends: Vec<_> =
         log.published("work").iter().filter_map(|p| p.stamp.map(|stamp| p.visible_at - stamp)).collect();
     assert_eq!(ends, [6_000_000, 8_500_000, 11_000_000]);
+}
+
+#[test]
+fn s4_work_without_end_takes_the_longest_time() {
+    let model = RuntimeModel::Work { base: ms(1), per_unit_ns: 1e3 };
+    assert_eq!(model.worked(3), Span::from_ns(1_003_000));
+    assert_eq!(model.worked(u64::MAX), Span::MAX);
 }
 
 #[test]

@@ -1,3 +1,5 @@
+mod published;
+
 use std::path::Path;
 
 use swerve_geom::{FrenetPoint, Point2};

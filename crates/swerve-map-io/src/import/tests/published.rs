@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use roxmltree::{Document, Node};
 use swerve_tests::data_or_skip;
 
-use super::import;
+use crate::import::import;
 use crate::links::Links;
 use crate::opendrive::Network;
 
