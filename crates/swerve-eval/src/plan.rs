@@ -41,6 +41,9 @@ impl PlanCounts {
 pub struct PlanMetrics {
     /// Plan counts by status.
     pub counts: PlanCounts,
+    /// Plans that are not driven: without points, with impossible values, or with instants out of order.
+    #[serde(default)]
+    pub refused: u64,
     /// Stamp of the first path found outside the comfort limits, seconds.
     pub first_found_s: Option<f64>,
     /// Share of the plans from the comfortable layer, 0 to 1; the others are from the planner itself. Null without a
@@ -78,6 +81,7 @@ impl PlanMetrics {
             PlanStatus::Comfortable => &mut counts.comfortable,
             PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
         } += 1;
+        self.refused += u64::from(plan.points.is_empty() || !plan.is_plausible());
         if plan.status == PlanStatus::PoseUncertain {
             self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
         } else {
@@ -112,7 +116,7 @@ mod tests {
             metrics.counts,
             PlanCounts { route: 1, found: 2, kept: 1, gave_up: 1, ..Default::default() }
         );
-        assert_eq!(metrics.first_found_s, Some(0.1));
+        assert_eq!((metrics.first_found_s, metrics.refused), (Some(0.1), 5));
         assert_eq!((metrics.counts.all(), metrics.comfortable_share), (5, Some(0.0)));
         for _ in 0..15 {
             metrics.take(&Plan { status: PlanStatus::Comfortable, ..Plan::default() });

@@ -65,7 +65,7 @@ impl PlanStatus {
 }
 
 impl Plan {
-    /// Returns true if all values are finite and physically possible for a road vehicle.
+    /// Returns true if all values are finite and physically possible for a road vehicle, and the instants are in order.
     pub fn is_plausible(&self) -> bool {
         let point = |p: &PlanPoint| {
             let state = EgoState {
@@ -76,7 +76,7 @@ impl Plan {
             };
             state.is_plausible() && p.curvature_1pm.is_finite()
         };
-        self.points.iter().all(point)
+        self.points.iter().all(point) && self.points.is_sorted_by_key(|p| p.at)
     }
 
     /// Instant of the last point, or the stamp without points.

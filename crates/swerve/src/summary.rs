@@ -233,6 +233,13 @@ fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
         row("over the line", format!("{over_m:.1} m, in the oncoming lane for {left_s:.2} s"));
     }
     let counts = &m.plans.counts;
+    if m.plans.refused > 0 {
+        let (refused, all) = (m.plans.refused, counts.all());
+        row(
+            "plans refused",
+            format!("{refused} of {all}: without points, with impossible values, or out of order"),
+        );
+    }
     if let Some(share) = m.plans.comfortable_share.filter(|share| *share > 0.0) {
         let (made, all) = (counts.comfortable, counts.all());
         row("comfortable layer", format!("{made} of {all} plans ({:.0} %)", 100.0 * share));
