@@ -1,8 +1,8 @@
 //! Reader of CommonRoad scenario files in XML, versions 2018b and 2020a: lanelets and the rules on them.
 //!
 //! **Read.** Lanelets: bounds, predecessors, successors, adjacent lanelets, type, speed limit, stop line. Traffic lights
-//! with their cycles, traffic signs, intersections as junctions, lanelets for pedestrians across a road as crossings. Obstacles and planning problems belong to scenarios and are
-//! skipped. Heights are read and not part of the flat map.
+//! with their cycles, traffic signs, intersections as junctions, lanelets for pedestrians across a road as crossings.
+//! Obstacles and planning problems belong to scenarios and are skipped. Heights are read and not part of the flat map.
 //!
 //! **Lanes.** The identity of a lane is that of its lanelet. Its centre line runs through the middles of pairs of points
 //! of the bounds. A link that only one of two lanelets names counts for both.
@@ -15,12 +15,13 @@ mod rules;
 
 use std::collections::BTreeSet;
 
+use crate::assemble::{assemble, with_features};
 use crate::content::all;
-use crate::draft::{assemble, with_features};
 use crate::lane_map::LaneMap;
 use crate::problem::{Problems, quoted};
 use crate::xml::{Element, Reader, parse};
 
+pub use lanelets::Centers;
 pub use rules::{Cycle, Light, Phase, Sign};
 
 use lanelets::Lanelets;
@@ -57,16 +58,6 @@ pub struct Commonroad {
     pub lights: Vec<Light>,
     /// Traffic signs in the order of the file.
     pub signs: Vec<Sign>,
-}
-
-/// Centre lines of lanes.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Centers {
-    /// Through the middles of pairs of points of the bounds, as the format defines them.
-    Middles,
-    /// The same with vertices at most 5 m apart and corners that are rounded by at most 2 cm, so that borders are exact
-    /// beside corners, too.
-    Rounded,
 }
 
 /// Reads the roads of a scenario.

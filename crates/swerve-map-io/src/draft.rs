@@ -2,17 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use swerve_geom::{FrenetPoint, Point2, Polyline};
-use swerve_map::{Features, Lane, LaneId, LaneKind, Map, Neighbour};
+use swerve_geom::{FrenetPoint, Point2};
+use swerve_map::{Lane, LaneId, LaneKind, Neighbour};
 
-use crate::import::Gap;
-use crate::joints::{Joint, close};
-use crate::opendrive::LENGTH_MAX_M;
-use crate::strip::{centered, dense, is_swapped, length_m, measured, middles, rounded};
-use crate::xml::{Element, Reader};
-
-/// Most vertices of a map.
-const VERTICES_MAX: usize = 3_000_000;
+use crate::xml::Element;
 
 /// Centre line of a lane.
 pub(crate) enum Center {
@@ -45,67 +38,11 @@ pub(crate) struct Draft<'a> {
 /// Lanes of a file by the identity that they have in the map.
 pub(crate) type Drafts<'a> = BTreeMap<LaneId, Draft<'a>>;
 
-/// Makes the map, and lists the gaps between lane ends. `None` after faults.
-pub(crate) fn assemble(
-    xml: &mut Reader,
-    mut drafts: Drafts<'_>,
-    root: Element<'_>,
-) -> Option<(Map, Vec<Gap>)> {
-    let along_m: f64 = drafts.values().map(|draft| length_m(&draft.left).max(length_m(&draft.right))).sum();
-    if along_m > LENGTH_MAX_M {
-        xml.fault(root, || {
-            format!("expected lanes of at most {LENGTH_MAX_M} m together, found {along_m:.0} m")
-        });
-        return None;
-    }
-    let mut centers = BTreeMap::new();
-    for (id, draft) in &drafts {
-        let center = match &draft.center {
-            Center::Middles => middles(&draft.left, &draft.right),
-            Center::RoundedMiddles => dense(&middles(&draft.left, &draft.right)),
-            Center::Between => dense(&centered(&draft.left, &draft.right, None)),
-            Center::Given(line) => dense(&centered(&draft.left, &draft.right, Some(line))),
-        };
-        if center.len() < 2 {
-            xml.defect(draft.element, || "it has no length: left out".to_owned());
-            continue;
-        }
-        centers.insert(*id, center);
-    }
-    drafts.retain(|id, _| centers.contains_key(id));
-    neighbours(xml, &mut drafts);
-    let gaps = close(&mut drafts, &mut centers);
-    let (mut lanes, mut vertices) = (Vec::new(), 0);
-    for (id, draft) in &drafts {
-        let center = match draft.center {
-            Center::Middles => centers[id].iter().map(|vertex| vertex.at).collect(),
-            _ => rounded(&centers[id]),
-        };
-        vertices += center.len() + draft.left.len() + draft.right.len();
-        if vertices > VERTICES_MAX {
-            xml.fault(draft.element, || format!("expected a map of at most {VERTICES_MAX} vertices"));
-            return None;
-        }
-        lanes.extend(lane(xml, *id, draft, &center));
-    }
-    match Map::new(lanes) {
-        Ok(map) => Some((map, gaps)),
-        Err(error) => {
-            xml.fault(root, || error.to_string());
-            None
-        }
-    }
-}
-
-/// The map with elements beside its lanes. `None` after faults.
-pub(crate) fn with_features(
-    xml: &mut Reader,
-    map: Map,
-    features: Features,
-    root: Element<'_>,
-) -> Option<Map> {
-    let (lanes, _) = map.into_parts();
-    Map::with_features(lanes, features).map_err(|error| xml.fault(root, || error.to_string())).ok()
+/// A lane and one that continues it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Joint {
+    pub(crate) from: LaneId,
+    pub(crate) to: LaneId,
 }
 
 /// Outline of a lane: its left border forwards, its right border backwards.
@@ -118,55 +55,6 @@ pub(crate) fn outline(lane: &Lane) -> Vec<Point2> {
     let left = stations_m.iter().map(|s_m| at(*s_m, lane.borders.left_m(*s_m)));
     let right = stations_m.iter().rev().map(|s_m| at(*s_m, -lane.borders.right_m(*s_m)));
     left.chain(right).collect()
-}
-
-fn lane(xml: &mut Reader, id: LaneId, draft: &Draft<'_>, center: &[Point2]) -> Option<Lane> {
-    let line = match Polyline::new(center) {
-        Ok(line) => line,
-        Err(error) => {
-            xml.fault(draft.element, || error.to_string());
-            return None;
-        }
-    };
-    if is_swapped(center, &draft.left, &draft.right) {
-        xml.defect(draft.element, || "its left border is not to the left of its right border".to_owned());
-    }
-    Some(Lane {
-        kind: draft.kind,
-        speed_limit_mps: draft.speed_limit_mps,
-        left: draft.beside[0],
-        right: draft.beside[1],
-        successors: draft.successors.iter().copied().collect(),
-        ..Lane::new(id, line, measured(center, &draft.left, &draft.right))
-    })
-}
-
-/// Keeps neighbours that both lanes can have. If only one of them names the other, both have it.
-fn neighbours(xml: &mut Reader, drafts: &mut Drafts<'_>) {
-    let ids: Vec<LaneId> = drafts.keys().copied().collect();
-    for id in ids {
-        for side in [0, 1] {
-            let Some(Neighbour { lane, opposite }) = drafts[&id].beside[side] else { continue };
-            let back = Neighbour { lane: id, opposite };
-            // A lane to the left has this one to its right, or to its left if it runs the other way.
-            let of_other = if opposite { side } else { 1 - side };
-            let mutual = match drafts.get_mut(&lane).filter(|_| lane != id) {
-                Some(other) => *other.beside[of_other].get_or_insert(back) == back,
-                None => false,
-            };
-            if !mutual {
-                let Some(draft) = drafts.get_mut(&id) else { continue };
-                draft.beside[side] = None;
-                let name = if side == 0 { "left" } else { "right" };
-                let element = draft.element;
-                xml.defect(element, || {
-                    format!(
-                        "the lane to its {name} is missing, or has another lane beside it: not neighbours"
-                    )
-                });
-            }
-        }
-    }
 }
 
 /// Joints of lanes by their successors; those with lanes that are missing are dropped.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use swerve_geom::{Point2, Vector2};
 use swerve_map::LaneId;
 
-use crate::draft::{Drafts, joints};
+use crate::draft::{Drafts, Joint, joints};
 use crate::import::{Gap, JOINED_M};
 use crate::strip::Vertex;
 
@@ -17,13 +17,6 @@ const ACCEPTED_M: f64 = 0.1;
 
 /// Length over which a lane is moved towards its new end, metres; half of a shorter lane.
 const BLEND_M: f64 = 10.0;
-
-/// A lane and one that continues it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) struct Joint {
-    pub(crate) from: LaneId,
-    pub(crate) to: LaneId,
-}
 
 /// An end of a lane; true for its start.
 type End = (LaneId, bool);

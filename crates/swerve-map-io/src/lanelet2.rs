@@ -21,6 +21,7 @@ mod beside;
 mod features;
 mod junctions;
 mod lanelets;
+mod lanes;
 mod osm;
 mod rules;
 mod stops;
@@ -31,12 +32,13 @@ use std::collections::BTreeMap;
 
 use swerve_map::LaneId;
 
-use crate::draft::{Drafts, assemble, with_features};
+use crate::assemble::{assemble, with_features};
+use crate::draft::Drafts;
 use crate::lane_map::LaneMap;
 use crate::problem::Problems;
 use crate::xml::{Reader, parse};
 
-use features::Lanes;
+use lanes::Lanes;
 use osm::Osm;
 use rules::Rules;
 

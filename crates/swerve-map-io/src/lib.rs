@@ -23,6 +23,7 @@
 //! Excluded: writing, geodesy (`geoReference` is text), OpenCRG and 1.8's surface strips, lane heights (kept, not added
 //! to z), railways, commands and files other than those passed in as text.
 
+mod assemble;
 pub mod commonroad;
 mod content;
 mod cubic;

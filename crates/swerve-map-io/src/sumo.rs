@@ -35,6 +35,8 @@ use crate::lane_map::LaneMap;
 use crate::problem::Problems;
 use crate::xml::{Element, Reader, optional, parse};
 
+pub use edges::NetLane;
+
 use edges::Edges;
 
 /// A road network of SUMO.
@@ -52,15 +54,6 @@ pub struct Net {
     pub sources: Vec<NetLane>,
     /// Programs of traffic lights, in the order of the file.
     pub programs: Vec<Program>,
-}
-
-/// A lane of the file.
-#[derive(Clone, PartialEq, Debug)]
-pub struct NetLane {
-    /// Identity of its edge; that of the lane is its name in the map.
-    pub edge: String,
-    /// Length by the file, metres, which SUMO uses for positions in place of the length of the shape; `None` if missing.
-    pub length_m: Option<f64>,
 }
 
 /// Program of a traffic light.

@@ -10,9 +10,18 @@ use crate::draft::{Center, Draft, Drafts};
 use crate::problem::quoted;
 use crate::xml::{Element, Reader, number};
 
-use super::Centers;
 use super::features::{Statements, Stop};
 use super::rules::Rules;
+
+/// Centre lines of lanes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Centers {
+    /// Through the middles of pairs of points of the bounds, as the format defines them.
+    Middles,
+    /// The same with vertices at most 5 m apart and corners that are rounded by at most 2 cm, so that borders are exact
+    /// beside corners, too.
+    Rounded,
+}
 
 /// Elements of a lanelet.
 const KNOWN: [&str; 15] = [

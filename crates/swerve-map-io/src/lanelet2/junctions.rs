@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_map::{Junction, JunctionId, LaneId, Map, RightOfWay};
 
-use super::features::Lanes;
+use super::lanes::Lanes;
 use super::osm::{Osm, tag};
 use super::rules::{Rule, RuleKind, Rules};
 

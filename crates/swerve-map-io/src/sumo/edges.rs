@@ -5,11 +5,19 @@ use std::collections::BTreeMap;
 use swerve_geom::{Point2, Polyline, PolylineError};
 use swerve_map::{Area, AreaId, AreaKind, Borders, Crossing, CrossingId, Lane, LaneId, Neighbour};
 
-use super::NetLane;
 use super::permissions::kind_of;
 use super::shapes::{self, Vertices, dense, dense_count, shape};
 use crate::problem::quoted;
 use crate::xml::{Element, Reader, optional};
+
+/// A lane of the file.
+#[derive(Clone, PartialEq, Debug)]
+pub struct NetLane {
+    /// Identity of its edge; that of the lane is its name in the map.
+    pub edge: String,
+    /// Length by the file, metres, which SUMO uses for positions in place of the length of the shape; `None` if missing.
+    pub length_m: Option<f64>,
+}
 
 /// Width of lanes without one, metres: SUMO's.
 const WIDTH_M: f64 = 3.2;
