@@ -1,7 +1,6 @@
 //! TOML documents with problems that name file, line and key.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -10,6 +9,7 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use crate::bound::TooLong;
+use crate::decode::{NotText, decoded, line_of};
 use crate::{Problem, Problems, read_bytes, read_given, read_meant};
 
 /// Maximum size of a file written by people, bytes.
@@ -42,21 +42,6 @@ fn text_of(read: io::Result<Vec<u8>>) -> io::Result<String> {
     decoded(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// Decodes UTF-8 and removes the byte-order mark that Windows programs add. Used by all readers of text.
-///
-/// # Errors
-/// If there are bytes that are not UTF-8, with their line.
-pub fn decoded(mut bytes: Vec<u8>) -> Result<String, NotText> {
-    const MARK: &[u8] = b"\xef\xbb\xbf";
-    if bytes.starts_with(MARK) {
-        bytes.drain(..MARK.len());
-    }
-    String::from_utf8(bytes).map_err(|error| {
-        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        NotText { line: line_of(before, before.len()) }
-    })
-}
-
 /// First line up to which a text fails to parse with this error, for errors without a location, such as keys with too
 /// many dots.
 fn line_that_fails(text: &str, error: &toml::de::Error) -> Option<usize> {
@@ -68,21 +53,6 @@ fn line_that_fails(text: &str, error: &toml::de::Error) -> Option<usize> {
     let before = ends.partition_point(|end| !fails(end));
     (before < ends.len()).then_some(before + 1)
 }
-
-/// Bytes that are not UTF-8.
-#[derive(Debug)]
-pub struct NotText {
-    /// Line of the first of them, starting at 1.
-    pub line: usize,
-}
-
-impl fmt::Display for NotText {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("expected text in UTF-8")
-    }
-}
-
-impl std::error::Error for NotText {}
 
 /// Problem for a file that cannot be read, with the line of bytes that are not text.
 pub fn unreadable(path: &Path, error: &io::Error) -> Problem {
@@ -333,11 +303,6 @@ fn note(value: &DeValue<'_>, key: &str, start: usize, lines: &Lines, places: &mu
         }
         _ => {}
     }
-}
-
-fn line_of(text: impl AsRef<[u8]>, offset: usize) -> usize {
-    let text = text.as_ref();
-    text[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::fs::{File, FileType, Metadata, OpenOptions};
 use std::io::{self, Read};
 use std::path::Path;
 
-use crate::decoded;
+use crate::decode::decoded;
 
 /// Default maximum size of a file read whole, bytes.
 pub const FILE_MAX: u64 = 1 << 30;

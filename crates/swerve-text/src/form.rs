@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use self::value::{Fault, Kind, Whole};
+use self::value::{Fault, Kind, Part, Whole};
 use crate::KeyProblem;
 use crate::words::{describe, nearest, unknown_key, unknown_name};
 
@@ -19,15 +19,6 @@ use crate::words::{describe, nearest, unknown_key, unknown_name};
 const PROBLEMS_MAX: usize = 50;
 /// Maximum number of rounds; one problem may take several to repair, from the outside inwards.
 const ROUNDS_MAX: usize = 4 * PROBLEMS_MAX;
-
-/// One component of the path to a value in a table.
-#[derive(Clone, PartialEq, Eq, Debug)]
-enum Part {
-    /// Key of a table.
-    Key(String),
-    /// Index in an array, starting at 0.
-    Index(usize),
-}
 
 /// A path as written in messages: `operator[0].every_ms`.
 fn dotted(path: &[Part]) -> String {

@@ -14,6 +14,7 @@
 
 mod assign;
 mod bound;
+mod decode;
 mod document;
 mod file;
 mod form;
@@ -25,7 +26,8 @@ mod words;
 
 pub use assign::{parse_assignment, parse_assignments, set};
 pub use bound::{NAME_MAX, PARAGRAPH_MAX};
-pub use document::{Document, NotText, decoded, read_given_text, read_text, unreadable};
+pub use decode::{NotText, decoded};
+pub use document::{Document, read_given_text, read_text, unreadable};
 pub use file::{FILE_MAX, open_file, read_bytes, read_given, read_string};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use json::from_json;

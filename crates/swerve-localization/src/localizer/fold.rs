@@ -4,15 +4,13 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use swerve_core::{Span, Time};
 use swerve_geom::wrap_angle;
 
+use super::estimate::{Entry, Estimate, Initial, Mode, Sensed, Source, Tally};
 use super::repeats::Repeats;
 use super::start::{Begin, Start};
-use super::trust::{CONFIRMED, Judged};
 use super::unit::{Unit, UnitHealth};
 use super::window::{Fixes, Way};
-use super::{Entry, Estimate, Initial, Mode, Sensed, Source, Tally};
 use crate::eskf::{
-    ACCEL_BIAS, ATTITUDE, Covariance, Eskf, GYRO_BIAS, Linear, OFFSET, POSITION, SCALE, STATES, VELOCITY,
-    skew, yaw_rad,
+    ATTITUDE, Covariance, Eskf, GYRO_BIAS, Linear, OFFSET, POSITION, SCALE, STATES, VELOCITY, skew, yaw_rad,
 };
 use crate::params::{Hold, Params};
 
@@ -21,6 +19,8 @@ const SLIP_LASTS_S: f64 = 0.5;
 /// Distance over which a heading known beforehand remains valid, metres.
 const HEADING_HOLDS_M: f64 = 2.0;
 
+/// Accepted positions after which a realigned filter is confirmed.
+pub(super) const CONFIRMED: u32 = 3;
 /// Until this many fixes are accepted, a refused one restarts the initialisation.
 const TRIED_FIXES: u64 = 3;
 /// A start from fixes whose noise proves to be understated within this time is repeated.
@@ -46,6 +46,14 @@ pub(super) struct Wheels {
     /// Latest reported speed, m/s, and path curvature from the steering angle with its instant, 1/m.
     pub(super) speed_mps: f64,
     pub(super) curvature_1pm: Option<(Time, f64)>,
+}
+
+/// A position that the filter accepted or refused.
+pub(super) struct Judged {
+    pub(super) stamp: Time,
+    pub(super) source: Source,
+    pub(super) up_m: f64,
+    pub(super) accepted: bool,
 }
 
 /// The filter with its initialisation, sensor health and statistics.
@@ -499,8 +507,3 @@ fn spread(p: &Covariance, rotation: &Matrix3<f64>, lever: &Vector3<f64>) -> (Mat
     let pick = |of: [usize; 3]| Matrix3::from_fn(|i, j| all[(of[i], of[j])]);
     (pick([0, 1, 2]), pick([0, 1, 3]))
 }
-
-/// First indices of the states whose variances are given by the initial state.
-pub(super) const KNOWN: [usize; 3] = [POSITION, VELOCITY, ATTITUDE];
-/// First indices of the states whose variances are given by the sensor parameters.
-pub(super) const LEARNT: [usize; 4] = [ACCEL_BIAS, GYRO_BIAS, OFFSET, SCALE];

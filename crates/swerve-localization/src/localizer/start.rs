@@ -5,10 +5,16 @@ use nalgebra::{UnitQuaternion, Vector3};
 use swerve_core::Time;
 use swerve_geom::math;
 
-use super::fold::{KNOWN, LEARNT};
-use super::{Entry, Initial, Sensed};
-use crate::eskf::{Covariance, Eskf, Nominal, from_euler};
+use super::estimate::{Entry, Initial, Sensed};
+use crate::eskf::{
+    ACCEL_BIAS, ATTITUDE, Covariance, Eskf, GYRO_BIAS, Nominal, OFFSET, POSITION, SCALE, VELOCITY, from_euler,
+};
 use crate::params::Params;
+
+/// First indices of the states whose variances are given by the initial state.
+pub(super) const KNOWN: [usize; 3] = [POSITION, VELOCITY, ATTITUDE];
+/// First indices of the states whose variances are given by the sensor parameters.
+pub(super) const LEARNT: [usize; 4] = [ACCEL_BIAS, GYRO_BIAS, OFFSET, SCALE];
 
 /// Lowest speed for a course from two fixes, m/s.
 const COURSE_MPS: f64 = 2.0;

@@ -1,3 +1,4 @@
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use swerve_core::Rng;
 use swerve_geom::math;

@@ -7,18 +7,16 @@ use nalgebra::Vector3;
 use swerve_core::{Span, Time};
 use swerve_geom::{math, wrap_angle};
 
-use super::fold::Fold;
+use super::estimate::{Estimate, Mode, Source, Tally};
+use super::fold::{CONFIRMED, Fold, Judged};
 use super::start::Begin;
 use super::unit::UnitHealth;
 use super::window::{Aligned, Fixes};
-use super::{Estimate, Mode, Source, Tally};
 use crate::eskf::{Innovation, from_euler, yaw_rad};
 use crate::params::Params;
 
 /// Consecutive refusals after which the filter is questioned.
 const REFUSED: u32 = 3;
-/// Accepted positions after which a realigned filter is confirmed.
-pub(super) const CONFIRMED: u32 = 3;
 /// A heading from refused fixes refutes the filter's if it differs by this many standard deviations and by this much
 /// (radians).
 const HEADING_SIGMAS: f64 = 5.0;
@@ -53,14 +51,6 @@ impl Tally {
             self.refused_in_a_row = self.refused_in_a_row.saturating_add(1);
         }
     }
-}
-
-/// A position that the filter accepted or refused.
-pub(super) struct Judged {
-    pub(super) stamp: Time,
-    pub(super) source: Source,
-    pub(super) up_m: f64,
-    pub(super) accepted: bool,
 }
 
 /// Position of the point that a source locates, from the ego origin, metres. That of other sources than satellites is

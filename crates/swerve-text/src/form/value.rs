@@ -13,8 +13,16 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 use toml::{Table, Value};
 
-use super::Part;
 use crate::words::list;
+
+/// One component of the path to a value in a table.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum Part {
+    /// Key of a table.
+    Key(String),
+    /// Index in an array, starting at 0.
+    Index(usize),
+}
 
 /// First error of a table for a type.
 #[derive(Debug)]
