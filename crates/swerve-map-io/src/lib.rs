@@ -1,7 +1,7 @@
 //! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, SUMO, Lanelet2 and CommonRoad.
 //!
 //! [`sumo`], [`lanelet2`] and [`commonroad`] make a [`lane_map::LaneMap`] of a file: the [`swerve_map::Map`] with the
-//! names of the file. [`format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
+//! names of the file. [`mod@format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
 //! for them.
 //!
 //! [`opendrive::Network`] is an OpenDRIVE file as it is: roads with their reference lines, profiles and lanes, junctions, signals,
