@@ -955,7 +955,7 @@ class EgoTruth(Message):
 class Actor(Message):
     """Another road user or an object."""
     id: ActorId
-    """Identity: its index in the scenario file, from 1."""
+    """Identity in the run."""
     kind: ActorKind
     """Kind of the actor."""
     pose: Pose2
