@@ -45,6 +45,8 @@ pub mod route;
 mod strip;
 pub mod summary;
 pub mod sumo;
+#[cfg(test)]
+mod testing;
 mod xml;
 
 pub use problem::{PROBLEMS_MAX, Problem, Problems};

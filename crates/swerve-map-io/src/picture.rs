@@ -3,7 +3,7 @@
 pub mod lanes;
 
 use swerve_draw::{Axes, Canvas, Color, Entry, Picture, Sign, Style, Text, color, legend};
-use swerve_map::LaneKind;
+use swerve_map::{LaneKind, Map};
 
 use crate::features;
 use crate::import::{Imported, kind_of, vertices};
@@ -58,13 +58,7 @@ pub fn draw(
     title: &str,
     way: Option<&Way>,
 ) -> Picture {
-    let mut canvas = Canvas::default();
-    let axes = axes(extent_m);
-    canvas.text((LEFT, 28.0), title, Text::TITLE);
-    legend(&mut canvas, (LEFT, 50.0), WIDTH - RIGHT, &entries(way.is_some()));
-    axes.ground(&mut canvas);
-    axes.grid(&mut canvas, (12.0, 8.0));
-    canvas.begin_clip(axes.corner, axes.size);
+    let (mut canvas, axes) = begun(extent_m, title, way.is_some());
     for road in &network.roads {
         sections(&mut canvas, network, road, &axes);
     }
@@ -74,8 +68,25 @@ pub fn draw(
     connections(&mut canvas, network, imported, &axes);
     furniture(&mut canvas, network, &axes);
     features::draw_stop_lines(&mut canvas, &imported.map, &axes);
+    finished(canvas, &axes, (&imported.map, way), title)
+}
+
+/// A picture with title, legend and ground, clipped to the axes.
+fn begun(extent_m: [[f64; 2]; 3], title: &str, has_way: bool) -> (Canvas, Axes) {
+    let mut canvas = Canvas::default();
+    let axes = axes(extent_m);
+    canvas.text((LEFT, 28.0), title, Text::TITLE);
+    legend(&mut canvas, (LEFT, 50.0), WIDTH - RIGHT, &entries(has_way));
+    axes.ground(&mut canvas);
+    axes.grid(&mut canvas, (12.0, 8.0));
+    canvas.begin_clip(axes.corner, axes.size);
+    (canvas, axes)
+}
+
+/// The picture with a route, if there is one, and numbers at its axes.
+fn finished(mut canvas: Canvas, axes: &Axes, (map, way): (&Map, Option<&Way>), title: &str) -> Picture {
     for (way, k) in way.into_iter().flat_map(|way| (0..way.lanes.len()).map(move |k| (way, k))) {
-        let points = way.line(&imported.map, k);
+        let points = way.line(map, k);
         canvas.path(points.iter().map(|p| axes.at(p.x_m, p.y_m)), false, Style::line(color::PLAN, 3.0));
     }
     canvas.end_clip();

@@ -58,7 +58,7 @@ pub struct Simulator {
     actors: Vec<Player>,
     rules: Rules,
     state: WorldState,
-    /// The command in force.
+    /// The last command; the car keeps the one before if it is not finite.
     command: Command,
 }
 
@@ -417,8 +417,7 @@ impl World for Simulator {
     }
 
     fn advance(&mut self, until: Time, commands: &[(ActorId, Command)]) -> &WorldState {
-        let own = commands.iter().find(|(id, _)| *id == ActorId::EGO);
-        if let Some((_, command)) = own.filter(|(_, command)| command.is_finite()) {
+        if let Some((_, command)) = commands.iter().find(|(id, _)| *id == ActorId::EGO) {
             self.command = *command;
         }
         while self.state.stamp < until {

@@ -21,7 +21,7 @@ impl Movement {
     }
 }
 
-/// What a driver may know: the world after a step.
+/// Input of a driver: the world after a step.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The road user that it drives.

@@ -71,13 +71,11 @@ impl Comfort {
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
         let firm = [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3];
         let slow = [[vehicle_mps2, JERK_MPS3], [vehicle_mps2, FIRM_MPS3]];
-        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
         let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
         let stop = |&[most_mps2, jerk_mps3]: &[f64; 2]| {
             let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
-            let gaps_m = [self.params.clearance_m, clearance_m];
-            let demands = Demands { gaps_m, clearance_m, hardest: false, jerk_mps3 };
-            steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
+            let demands = (self.short_stop(jerk_mps3), &usable as _);
+            steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, demands)
         };
         let plan = if v > SLOW_MPS { stop(&firm) } else { slow.iter().find_map(stop) }?;
         Some(Plan { status: PlanStatus::Found, ..plan })
@@ -93,23 +91,23 @@ impl Comfort {
         }
         let request = &Request { limits: scene.vehicle, ..*request };
         let way = self.way_in_lane(scene);
-        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
-        let demands = Demands {
-            gaps_m: [self.params.clearance_m, clearance_m],
-            clearance_m,
-            hardest: false,
-            jerk_mps3: FIRM_MPS3,
-        };
         let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
         let stop = |brake_mps2: f64| {
             let brake = core::iter::once(brake_mps2);
-            steady_stop::stop(request, &way, self.gentle.obstacles(), brake, (demands, &usable))
+            let demands = (self.short_stop(FIRM_MPS3), &usable as _);
+            steady_stop::stop(request, &way, self.gentle.obstacles(), brake, demands)
         };
         let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
         let mut stops = steps.filter_map(|share| stop(share * scene.vehicle.brake_max_mps2));
         let leaves_room = |plan: &Plan| back.may_give_up(plan, self.gentle.line(), &request.start, &place);
         let plan = stops.find(leaves_room).or_else(|| stop(scene.vehicle.brake_max_mps2))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// Demands of a stop that may end closer than the comfort clearance, with a jerk.
+    fn short_stop(&self, jerk_mps3: f64) -> Demands {
+        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
+        Demands { gaps_m: [self.params.clearance_m, clearance_m], clearance_m, hardest: false, jerk_mps3 }
     }
 
     /// Path ahead for an ego in its lane: straightens along the line without leaving the lane, whatever was planned

@@ -92,7 +92,7 @@ fn all_faults_of_a_network_are_reported_with_their_place() {
         "m.xodr:13:48: road b/planView/geometry: `length`: expected a number, found \"?\"",
         "did you mean `driving`?",
     ] {
-        assert!(said.stderr.contains(told), "{said:?}\nexpected {told}");
+        assert!(said.stderr.contains(expected), "{said:?}\nexpected {expected}");
     }
     bench.write("m.xodr", &ROADS.replacen("type=\"driving\"", "type=\"drivng\"", 1));
     assert_eq!(bench.swerve(&["map", "show", "m.xodr"]).code, Some(0));
@@ -176,7 +176,7 @@ fn commonroad_scenario_is_shown_also_packed() {
     let json: serde_json::Value =
         serde_json::from_str(&bench.good(&["map", "show", "m.xml.gz", "--json"])).unwrap();
     assert_eq!((&json["map_lanes"], &json["successors"]), (&3.into(), &1.into()));
-    for (name, text, told) in [
+    for (name, text, expected) in [
         ("m.xml", "<commonRoad/>", "m.xml:1:1: commonRoad: expected lanelets, found none"),
         ("m.xml", "<kml/>", "m.xml:1:1: kml: expected the element `commonRoad`"),
         ("m.kml", "<kml/>", "m.kml: expected a road network with the root element `OpenDRIVE` (.xodr)"),

@@ -4,18 +4,15 @@ use proptest::prelude::*;
 
 use super::SMALL;
 use crate::commonroad::{Centers, read};
+use crate::testing::{Changes, Sound, cases};
 
-/// Faults and defects of the small scenario with one change.
-fn problems(from: &str, to: &str) -> String {
-    assert!(SMALL.contains(from), "{from}");
-    match read("m.xml", &SMALL.replacen(from, to, 1), Centers::Rounded) {
-        Ok(roads) => format!("read\n{}", roads.lanes.defects),
-        Err(problems) => problems.to_string(),
-    }
-}
+const SOUND: Sound = Sound {
+    text: SMALL,
+    read: |text| read("m.xml", text, Centers::Rounded).map(|roads| roads.lanes.defects),
+};
 
 /// A text of the scenario, its replacement, and the problem.
-const FAULTS: &[(&str, &str, &str)] = &[
+const FAULTS: &Changes = &[
     ("</commonRoad>", "", "m.xml:77:1: it ends too early, expected a whole XML document"),
     ("<commonRoad", "<!DOCTYPE a [<!ENTITY b \"c\">]><commonRoad", "expected no document type (DTD)"),
     ("<commonRoad", "<commonRoads/><commonRoad", "m.xml:2:15: it is not XML: "),
@@ -66,7 +63,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
 ];
 
 /// As [`FAULTS`], of problems that leave the lanes.
-const DEFECTS: &[(&str, &str, &str)] = &[
+const DEFECTS: &Changes = &[
     ("commonRoadVersion", "version", "m.xml:2:1: commonRoad: `commonRoadVersion` is missing: read as 2020a"),
     (
         "<successor ref=\"3\"/>",
@@ -110,21 +107,12 @@ const DEFECTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn faults_have_their_place_and_the_expected_value() {
-    for (from, to, expected) in FAULTS {
-        let found = problems(from, to);
-        assert!(
-            !found.starts_with("read") && found.contains(expected),
-            "{from} -> {to}\n{found}\n{expected}"
-        );
-    }
+    SOUND.assert_faults(FAULTS);
 }
 
 #[test]
 fn defects_leave_the_lanes_and_are_listed() {
-    for (from, to, expected) in DEFECTS {
-        let found = problems(from, to);
-        assert!(found.starts_with("read") && found.contains(expected), "{from} -> {to}\n{found}\n{expected}");
-    }
+    SOUND.assert_defects(DEFECTS);
 }
 
 #[test]
@@ -161,7 +149,7 @@ fn deep_nesting_is_refused_and_unknown_elements_are_counted() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(cases())]
 
     /// Truncated files and files with a few changed characters give lanes, or problems with a valid line.
     #[test]

@@ -1,7 +1,6 @@
 //! Elements beside the lanes of published maps, against counts from their XML that the reader has no part in.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 use swerve_tests::data_or_skip;
@@ -9,18 +8,7 @@ use swerve_tests::data_or_skip;
 use crate::import::import;
 use crate::links::Links;
 use crate::opendrive::Network;
-
-/// All OpenDRIVE files below a folder.
-fn files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files(&path, found);
-        } else if path.extension().is_some_and(|end| end == "xodr") {
-            found.push(path);
-        }
-    }
-}
+use crate::testing::networks;
 
 /// Types of lanes that are lanes of a map; those of the published maps.
 const KINDS: [&str; 7] = ["driving", "entry", "exit", "onRamp", "offRamp", "shoulder", "sidewalk"];
@@ -46,11 +34,8 @@ fn lanes_inside<'a>(root: Node<'a, 'a>) -> BTreeMap<&'a str, usize> {
 #[test]
 fn junctions_and_signals_of_published_maps_match_their_xml() {
     let Some(folder) = data_or_skip("external") else { return };
-    let mut found = Vec::new();
-    files(&folder, &mut found);
-    found.sort();
     let mut totals = [0; 4];
-    for path in found {
+    for path in networks(&folder) {
         let text = std::fs::read_to_string(&path).unwrap();
         let name = path.file_name().unwrap().display().to_string();
         let document = Document::parse(&text).unwrap();

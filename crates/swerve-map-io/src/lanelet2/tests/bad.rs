@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use crate::lanelet2::read;
+use crate::testing::{Changes, Sound, cases, with_value};
 
 /// Two lanes side by side, the left one followed by another.
 const SMALL: &str = r#"<osm version="0.6">
@@ -31,17 +32,10 @@ const SMALL: &str = r#"<osm version="0.6">
 </osm>
 "#;
 
-/// Faults and defects of the map with one change.
-fn problems(from: &str, to: &str) -> String {
-    assert!(SMALL.contains(from), "{from}");
-    match read("m.osm", &SMALL.replacen(from, to, 1)) {
-        Ok(map) => format!("read\n{}", map.lanes.defects),
-        Err(problems) => problems.to_string(),
-    }
-}
+const SOUND: Sound = Sound { text: SMALL, read: |text| read("m.osm", text).map(|map| map.lanes.defects) };
 
 /// A text of the map, its replacement, and the problem.
-const FAULTS: &[(&str, &str, &str)] = &[
+const FAULTS: &Changes = &[
     ("</osm>\n", "", "m.osm:24:1: it ends too early, expected a whole XML document"),
     ("<osm", "<!DOCTYPE osm><osm", "expected no document type (DTD)"),
     ("v=\"20\"", "v=\"NaN\"", "m.osm:3:47: node 2/tag: `v`: expected a finite number, found NaN"),
@@ -96,7 +90,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
 ];
 
 /// As [`FAULTS`], of problems that leave the lanes.
-const DEFECTS: &[(&str, &str, &str)] = &[
+const DEFECTS: &Changes = &[
     ("v=\"50\"", "v=\"fast\"", "relation 21/tag: expected a speed with km/h, mph or m/s, found \"fast\""),
     (
         "v=\"bicycle_lane\"",
@@ -116,22 +110,13 @@ const DEFECTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn faults_have_their_place_and_the_expected_value() {
-    for (from, to, expected) in FAULTS {
-        let found = problems(from, to);
-        assert!(
-            !found.starts_with("read") && found.contains(expected),
-            "{from} -> {to}\n{found}\n{expected}"
-        );
-    }
+    SOUND.assert_faults(FAULTS);
 }
 
 #[test]
 fn defects_leave_the_lanes_and_are_listed() {
-    assert_eq!(problems("</osm>", "</osm>"), "read\n");
-    for (from, to, expected) in DEFECTS {
-        let found = problems(from, to);
-        assert!(found.starts_with("read") && found.contains(expected), "{from} -> {to}\n{found}\n{expected}");
-    }
+    assert_eq!(SOUND.problems("</osm>", "</osm>"), "read\n");
+    SOUND.assert_defects(DEFECTS);
 }
 
 #[test]
@@ -205,13 +190,6 @@ const VALUES: [&str; 18] = [
     "traffic_light",
 ];
 
-/// The text with the value of its `at`-th attribute replaced.
-fn mutated(text: &str, at: usize, value: &str) -> Option<String> {
-    let quotes: Vec<usize> = text.match_indices('"').map(|(k, _)| k).collect();
-    let k = at.checked_rem(quotes.len() / 2)?;
-    Some(format!("{}{value}{}", &text[..=quotes[2 * k]], &text[quotes[2 * k + 1]..]))
-}
-
 /// Reads a text; its lanes have finite widths, its problems a place.
 fn survives(text: &str) {
     match read("m.osm", text) {
@@ -230,12 +208,12 @@ fn any_attribute_of_the_junction_may_have_any_value() {
     let text = super::JUNCTION;
     let attributes = text.matches('"').count() / 2;
     for (k, at) in (0..attributes).step_by(3).enumerate() {
-        survives(&mutated(text, at, VALUES[k % VALUES.len()]).unwrap());
+        survives(&with_value(text, at, VALUES[k % VALUES.len()]).unwrap());
     }
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(cases())]
     #[test]
     fn attributes_of_any_value_never_cause_a_panic(
         cut in 0..SMALL.len(),
@@ -243,7 +221,7 @@ proptest! {
     ) {
         let mut text = SMALL.to_owned();
         for (at, value) in changes {
-            text = mutated(&text, at, VALUES[value]).unwrap_or(text);
+            text = with_value(&text, at, VALUES[value]).unwrap_or(text);
         }
         survives(&text);
         survives(text.get(..cut).unwrap_or_default());

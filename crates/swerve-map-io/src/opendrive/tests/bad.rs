@@ -5,6 +5,7 @@ use swerve_tests::data_or_skip;
 
 use crate::links::Links;
 use crate::opendrive::Network;
+use crate::testing::{Changes, Sound, cases, with_value};
 
 const TWO_ROADS: &str = r#"<OpenDRIVE>
 <header revMajor="1" revMinor="6"/>
@@ -27,17 +28,11 @@ const TWO_ROADS: &str = r#"<OpenDRIVE>
 </OpenDRIVE>
 "#;
 
-/// Faults and defects of the two roads with one change.
-fn problems(from: &str, to: &str) -> String {
-    assert!(TWO_ROADS.contains(from), "{from}");
-    match Network::read("m.xodr", &TWO_ROADS.replacen(from, to, 1)) {
-        Ok(network) => format!("read\n{}", network.defects),
-        Err(problems) => problems.to_string(),
-    }
-}
+const SOUND: Sound =
+    Sound { text: TWO_ROADS, read: |text| Network::read("m.xodr", text).map(|network| network.defects) };
 
 /// A text of the two roads, its replacement, and the problem.
-const FAULTS: &[(&str, &str, &str)] = &[
+const FAULTS: &Changes = &[
     (
         "length=\"4\"",
         "length=\"four\"",
@@ -128,22 +123,15 @@ const FAULTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn faults_have_their_place_and_the_expected_value() {
-    assert_eq!(problems("<", "<"), "read\n");
-    let mut wrong = Vec::new();
-    for (from, to, told) in FAULTS {
-        let found = problems(from, to);
-        if !found.contains(told) {
-            wrong.push(format!("{from} -> {to}:\n{found}\nexpected {told}\n"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert_eq!(SOUND.problems("<", "<"), "read\n");
+    SOUND.assert_faults(FAULTS);
     let root = Network::read("m.xodr", "<OpenDrive/>").unwrap_err().to_string();
     assert_eq!(root, "m.xodr:1:1: OpenDrive: expected the element `OpenDRIVE`");
 }
 
 #[test]
 fn defects_leave_the_geometry_and_are_listed() {
-    for (from, to, told) in [
+    SOUND.assert_defects(&[
         (
             "<lanes>",
             "<type s=\"0\" type=\"town\"><speed max=\"50\" unit=\"kmh\"/></type><lanes>",
@@ -200,13 +188,7 @@ fn defects_leave_the_geometry_and_are_listed() {
             "<road id=\"first\" length=\"12\"",
             "geometry from 0 to 10 m on a road of 12 m",
         ),
-    ] {
-        let found = problems(from, to);
-        assert!(
-            found.starts_with("read\n") && found.contains(told),
-            "{from} -> {to}:\n{found}\nexpected {told}"
-        );
-    }
+    ]);
     let dangling =
         Network::read("m.xodr", &TWO_ROADS.replace("elementId=\"second\"", "elementId=\"x\"")).unwrap();
     assert_eq!(Links::of(&dangling).dangling.len(), 1);
@@ -230,10 +212,10 @@ fn all_problems_are_reported_at_once_in_order() {
 
 #[test]
 fn long_and_unprintable_values_are_cut_and_escaped() {
-    let found = problems("length=\"4\"", &format!("length=\"a\tb{}\"", "c".repeat(10_000)));
+    let found = SOUND.problems("length=\"4\"", &format!("length=\"a\tb{}\"", "c".repeat(10_000)));
     let expected = format!("`length`: expected a number, found \"a b{}…\"", "c".repeat(37));
     assert!(found.ends_with(&expected), "{found}");
-    let found = problems("id=\"first\"", "id=\"&#x202e;x&#27;\" nothing=\"\"").replace("read\n", "");
+    let found = SOUND.problems("id=\"first\"", "id=\"&#x202e;x&#27;\" nothing=\"\"").replace("read\n", "");
     assert!(!found.contains(['\u{202e}', '\u{1b}']), "{found}");
 }
 
@@ -303,21 +285,13 @@ const VALUES: [&str; 16] = [
     "road",
 ];
 
-/// The text with the value of its `at`-th attribute replaced.
-fn mutated(text: &str, at: usize, value: &str) -> Option<String> {
-    let quotes: Vec<usize> = text.match_indices('"').map(|(k, _)| k).collect();
-    let pairs = quotes.len() / 2;
-    let k = at.checked_rem(pairs)?;
-    Some(format!("{}{value}{}", &text[..=quotes[2 * k]], &text[quotes[2 * k + 1]..]))
-}
-
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(cases())]
     #[test]
     fn attributes_of_any_value_never_cause_a_panic(changes in proptest::collection::vec((0..10_000_usize, 0..VALUES.len()), 1..4)) {
         let mut text = TWO_ROADS.to_owned();
         for (at, value) in changes {
-            text = mutated(&text, at, VALUES[value]).unwrap_or(text);
+            text = with_value(&text, at, VALUES[value]).unwrap_or(text);
         }
         if let Ok(network) = Network::read("m.xodr", &text) {
             evaluate(&network);
@@ -337,7 +311,7 @@ fn published_maps_with_any_attribute_changed_never_cause_a_panic() {
         let text = std::fs::read_to_string(path).unwrap();
         let attributes = text.matches('"').count() / 2;
         for (k, at) in (0..attributes).step_by(step).enumerate() {
-            let Some(text) = mutated(&text, at, VALUES[k % VALUES.len()]) else { continue };
+            let Some(text) = with_value(&text, at, VALUES[k % VALUES.len()]) else { continue };
             if let Ok(network) = Network::read("m.xodr", &text) {
                 evaluate(&network);
             }

@@ -1,9 +1,10 @@
 //! Maps of CARLA, esmini, Euro NCAP and UN R157, with samples in `oracles/opendrive`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::links::Links;
 use crate::opendrive::{Network, Sample};
+use crate::testing::networks;
 use swerve_geom::wrap_angle;
 use swerve_tests::data_or_skip;
 
@@ -88,26 +89,13 @@ fn links_and_gaps_match_the_oracle() {
     }
 }
 
-/// All files with this extension below a folder.
-fn files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files(&path, found);
-        } else if path.extension().is_some_and(|end| end == "xodr") {
-            found.push(path);
-        }
-    }
-}
-
 #[test]
 fn all_shared_maps_load_and_their_ends_meet() {
     let mut found = Vec::new();
     for folder in ["external", "worlds"] {
         let Some(folder) = data_or_skip(folder) else { return };
-        files(&folder, &mut found);
+        found.extend(networks(&folder));
     }
-    found.sort();
     assert!(found.len() >= 25, "{}", found.len());
     for path in found {
         let network = network(&path);
@@ -129,9 +117,7 @@ fn all_shared_maps_load_and_their_ends_meet() {
 #[test]
 fn second_reader_agrees_on_all_shared_maps() {
     let Some(folder) = data_or_skip("external") else { return };
-    let mut found = Vec::new();
-    files(&folder, &mut found);
-    for path in found {
+    for path in networks(&folder) {
         let text = std::fs::read_to_string(&path).unwrap();
         let (worst_m, samples) = super::second::worst_m(&network(&path), &text);
         println!(

@@ -5,20 +5,14 @@ use swerve_map::LaneIndex;
 use swerve_tests::data_or_skip;
 
 use crate::sumo::read;
+use crate::testing::{Changes, Sound, cases, with_value};
 
 const SMALL: &str = include_str!("../../../maps/junction.net.xml");
 
-/// Faults and defects of the small network with one change.
-fn problems(from: &str, to: &str) -> String {
-    assert!(SMALL.contains(from), "{from}");
-    match read("n", &SMALL.replacen(from, to, 1)) {
-        Ok(net) => format!("read\n{}", net.lanes.defects),
-        Err(problems) => problems.to_string(),
-    }
-}
+const SOUND: Sound = Sound { text: SMALL, read: |text| read("n", text).map(|net| net.lanes.defects) };
 
 /// A text of the small network, its replacement, and the fault.
-const FAULTS: &[(&str, &str, &str)] = &[
+const FAULTS: &Changes = &[
     ("<edge id=\":J_0\"", "<edge name=\":J_0\"", "n:10:5: edge: attribute `id` is missing"),
     (
         "id=\"side_0\"",
@@ -108,14 +102,11 @@ const FAULTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn faults_are_reported_with_their_place() {
-    for (from, to, expected) in FAULTS {
-        let found = problems(from, to);
-        assert!(!found.starts_with("read") && found.contains(expected), "{from} -> {to}:\n{found}");
-    }
+    SOUND.assert_faults(FAULTS);
 }
 
 /// A text of the small network, its replacement, and the defect; the network is read.
-const DEFECTS: &[(&str, &str, &str)] = &[
+const DEFECTS: &Changes = &[
     ("from=\"side\" to=\"out\"", "from=\"sied\" to=\"out\"", "connection: `from`: no edge is named \"sied\""),
     ("via=\":J_2_0\"", "via=\":J_9_0\"", "connection: `via`: no lane is named \":J_9_0\""),
     (
@@ -163,10 +154,7 @@ const DEFECTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn defects_are_reported_and_the_network_is_read() {
-    for (from, to, expected) in DEFECTS {
-        let found = problems(from, to);
-        assert!(found.starts_with("read") && found.contains(expected), "{from} -> {to}:\n{found}");
-    }
+    SOUND.assert_defects(DEFECTS);
 }
 
 #[test]
@@ -236,16 +224,14 @@ const VALUES: [&str; 16] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(cases())]
 
     /// Networks with changed attributes are read as maps, or refused with a place; nothing panics.
     #[test]
     fn changed_attributes_are_read_or_refused(changes in prop::collection::vec((0_usize..400, 0_usize..16), 1..5)) {
         let mut text = SMALL.to_owned();
         for (number, value) in changes {
-            let quotes: Vec<usize> = text.match_indices('"').map(|(at, _)| at).collect();
-            let pair = number % (quotes.len() / 2);
-            text.replace_range(quotes[2 * pair] + 1..quotes[2 * pair + 1], VALUES[value]);
+            text = with_value(&text, number, VALUES[value]).unwrap();
         }
         match read("n", &text) {
             Ok(net) => {
