@@ -8,8 +8,8 @@
 //! objects. It is evaluated exactly, at a road, lane section, lane and arc length ([`opendrive::Network::sample`]), in
 //! the frame that the header's offset leads to: metres, x east, y north, z up, headings in radians from x towards y.
 //! [`import`](import::import) makes the [`swerve_map::Map`] of it, on the flat projection. [`links`] measures how lane
-//! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] finds lanes from a
-//! place to another.
+//! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] reads places
+//! and writes ways over lanes.
 //!
 //! **Errors.** All [`Problems`] of a file at once, each with line, column and element. A file with *faults* is not read:
 //! numbers that are missing or not finite, unsorted or duplicate records, lane identities with holes. *Defects* leave the

@@ -8,7 +8,7 @@ use swerve_map::{LaneKind, Map};
 use crate::features;
 use crate::import::{Imported, kind_of, vertices};
 use crate::opendrive::{LaneType, Network, Road, RoadMark};
-use crate::route::Way;
+use swerve_map::router::Way;
 
 const WIDTH: f64 = 1200.0;
 const LEFT: f64 = 72.0;

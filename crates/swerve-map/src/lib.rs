@@ -8,13 +8,14 @@
 //! Beside lanes, a map has [`Features`]: [`Junction`]s, traffic [`Signal`]s, [`StopLine`]s, [`Crossing`]s and
 //! [`Area`]s. They refer to lanes by identity; the map checks that these exist.
 //!
-//! A [`LaneIndex`] finds the nearest lane of a large map.
+//! A [`LaneIndex`] finds the nearest lane of a large map. [`router::find`] finds the cheapest way over lanes, which
+//! [`Route::over`] makes a route.
 //!
 //! Positions along a line are in Frenet coordinates: `s` metres of arc length from its start, `d` metres to its left.
 //! Distances of borders are measured across the line, positive on the border's own side. A border of constant
 //! distance is one number, in memory and in text, and is evaluated without a search.
 //!
-//! Excluded: file formats, traffic, messages; route planning over a map is left to the caller.
+//! Excluded: file formats, traffic, messages.
 
 mod area;
 mod border;
@@ -25,6 +26,7 @@ mod junction;
 mod lane;
 mod map;
 mod route;
+pub mod router;
 mod signal;
 mod stop_line;
 mod text;
@@ -37,6 +39,6 @@ pub use index::{LaneHint, LaneIndex};
 pub use junction::{Junction, JunctionId, RightOfWay};
 pub use lane::{Lane, LaneId, LaneKind, Neighbour};
 pub use map::{LanePlace, Map, MapError};
-pub use route::{Route, RouteError, Stretch};
+pub use route::{CHANGE_LENGTH_M, Route, RouteError, Stretch};
 pub use signal::{Signal, SignalId};
 pub use stop_line::{StopLine, StopSign};

@@ -101,6 +101,14 @@ impl Bounds {
         }
     }
 
+    fn is_near(&self, other: &Self, within_m: f64) -> bool {
+        let apart = |low: f64, high: f64| low - within_m > high;
+        !(apart(self.low.x_m, other.high.x_m)
+            || apart(other.low.x_m, self.high.x_m)
+            || apart(self.low.y_m, other.high.y_m)
+            || apart(other.low.y_m, self.high.y_m))
+    }
+
     /// Distance from a point, metres; zero inside.
     fn distance_m(&self, point: Point2) -> f64 {
         let nearest = Point2::new(
@@ -258,6 +266,13 @@ impl Map {
 
     fn index(&self, id: LaneId) -> Option<usize> {
         self.lanes.binary_search_by_key(&id, |lane| lane.id).ok()
+    }
+
+    /// Lanes whose bounding boxes are within `within_m` of that of a lane, itself included, ordered by identity.
+    pub(crate) fn near(&self, lane: &Lane, within_m: f64) -> impl Iterator<Item = &Lane> {
+        let own = Bounds::around(lane);
+        let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, other)| own.is_near(other, within_m));
+        near.map(|(lane, _)| lane)
     }
 
     /// Lanes that contain a point, ordered by identity: several where lanes cross, merge or share a border.

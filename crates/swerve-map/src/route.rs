@@ -3,7 +3,12 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, PolylineError};
 
+use crate::router::Way;
 use crate::{Border, Borders, Lane, LaneId, Map, Neighbour};
+
+mod over;
+
+pub use over::CHANGE_LENGTH_M;
 
 /// Route of the ego, with the borders of the drivable ground.
 ///
@@ -85,25 +90,22 @@ impl Route {
         if let Some(two) = lanes.windows(2).find(|two| !two[0].successors.contains(&two[1].id)) {
             return Err(RouteError::NoSuccessor { from: two[0].id, to: two[1].id });
         }
-        let mut points: Vec<Point2> = first.line.points().to_vec();
-        // At joints, the end of a lane replaces the start of the next.
-        lanes[1..].iter().for_each(|lane| points.extend(&lane.line.points()[1..]));
-        let (mut stretches, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut own_left, mut own_right) = (Vec::new(), Vec::new());
-        let mut begin_m = 0.0;
-        for lane in &lanes {
-            let borders = drivable(map, lane);
-            stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps: lane.speed_limit_mps });
-            left.push((begin_m, borders.left().along(begin_m, 1.0)));
-            right.push((begin_m, borders.right().along(begin_m, 1.0)));
-            own_left.push((begin_m, lane.borders.left().along(begin_m, 1.0)));
-            own_right.push((begin_m, lane.borders.right().along(begin_m, 1.0)));
-            begin_m += lane.line.length();
-        }
-        let borders = Borders::new(Border::joined(&left, begin_m), Border::joined(&right, begin_m));
-        let lane =
-            Some(Borders::new(Border::joined(&own_left, begin_m), Border::joined(&own_right, begin_m)));
-        Ok(Self { line: Polyline::new(&points)?, borders, lane, stretches })
+        let mut parts = Parts::starting_with(first);
+        lanes.iter().for_each(|lane| parts.add_lane(map, lane));
+        parts.into_route()
+    }
+
+    /// Creates the route over a way of the router, and beyond its end over at least `beyond_m` metres of successors, if
+    /// there are any: those that turn least. Also gives the arc lengths of the way's start and destination on it.
+    ///
+    /// It begins where the first lane begins. A change to a lane beside it is a smooth move over up to
+    /// [`CHANGE_LENGTH_M`] of the road on which the two are side by side; both are the ego's lane there. Inside
+    /// junctions, the lanes that lie beside each other without a gap are drivable ground, whatever their direction.
+    ///
+    /// # Errors
+    /// If a lane of the way is not on the map, or the lanes have no length.
+    pub fn over(map: &Map, way: &Way, beyond_m: f64) -> Result<(Self, [f64; 2]), RouteError> {
+        over::route(map, way, beyond_m)
     }
 
     /// The same route with the ground narrowed by `by_m` metres on either side.
@@ -169,6 +171,53 @@ impl Route {
     /// negative outside.
     pub fn margin_m(&self, outline: &Obb) -> f64 {
         self.borders.margin_m(outline.corners(), |point| self.project(point))
+    }
+}
+
+/// Parts of a route, from its start on.
+struct Parts {
+    points: Vec<Point2>,
+    length_m: f64,
+    stretches: Vec<Stretch>,
+    ground: [Vec<(f64, Border)>; 2],
+    own: [Vec<(f64, Border)>; 2],
+}
+
+impl Parts {
+    fn starting_with(first: &Lane) -> Self {
+        let points = vec![first.line.points()[0]];
+        let none = || [Vec::new(), Vec::new()];
+        Self { points, length_m: 0.0, stretches: Vec::new(), ground: none(), own: none() }
+    }
+
+    /// Adds a whole lane. At joints, the end of the part before replaces the start of the lane.
+    fn add_lane(&mut self, map: &Map, lane: &Lane) {
+        self.stretch(lane, 0.0);
+        self.add(&lane.line.points()[1..], lane.line.length(), &drivable(map, lane), &lane.borders);
+    }
+
+    /// Begins a stretch on `lane` at `ahead_m` into the next part.
+    fn stretch(&mut self, lane: &Lane, ahead_m: f64) {
+        let begin_m = self.length_m + ahead_m;
+        self.stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps: lane.speed_limit_mps });
+    }
+
+    /// Adds a part with borders relative to its own start.
+    fn add(&mut self, points: &[Point2], length_m: f64, ground: &Borders, own: &Borders) {
+        self.points.extend(points);
+        for (parts, borders) in [(&mut self.ground, ground), (&mut self.own, own)] {
+            parts[0].push((self.length_m, borders.left().along(self.length_m, 1.0)));
+            parts[1].push((self.length_m, borders.right().along(self.length_m, 1.0)));
+        }
+        self.length_m += length_m;
+    }
+
+    fn into_route(self) -> Result<Route, RouteError> {
+        let joined = |[left, right]: [Vec<(f64, Border)>; 2]| {
+            Borders::new(Border::joined(&left, self.length_m), Border::joined(&right, self.length_m))
+        };
+        let (borders, lane) = (joined(self.ground), Some(joined(self.own)));
+        Ok(Route { line: Polyline::new(&self.points)?, borders, lane, stretches: self.stretches })
     }
 }
 

@@ -6,7 +6,7 @@ use swerve_map::{LaneKind, Map};
 use super::{CONNECTION, begun, fill, finished};
 use crate::draft::outline;
 use crate::features;
-use crate::route::Way;
+use swerve_map::router::Way;
 
 /// Draws a map in the ground plane, x to the right and y upwards, with a route if there is one.
 pub fn draw(map: &Map, [x, y]: [[f64; 2]; 2], title: &str, way: Option<&Way>) -> Picture {

@@ -1,11 +1,12 @@
 //! Output of `swerve map show` for files that describe lanes by their borders.
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_map::router::{self, Way};
 use swerve_map_io::import::Gap;
 use swerve_map_io::lane_map::LaneMap;
 use swerve_map_io::overview::Overview;
 use swerve_map_io::picture;
-use swerve_map_io::route::{self, Way};
+use swerve_map_io::route;
 
 use super::{ShowArgs, Source};
 
@@ -48,6 +49,6 @@ pub(super) fn show(args: &ShowArgs, source: &Source, lanes: &LaneMap) -> anyhow:
 fn way(args: &ShowArgs, lanes: &LaneMap) -> anyhow::Result<Option<Way>> {
     let [from, to] = &*args.route else { return Ok(None) };
     let stop = |text: &String| route::stop_on(lanes, text).map_err(|message| anyhow!("--route: {message}"));
-    let way = route::find(&lanes.map, stop(from)?, stop(to)?);
+    let way = router::find(&lanes.map, stop(from)?, stop(to)?);
     way.map(Some).with_context(|| format!("--route: no way from {from} to {to} over driving lanes"))
 }

@@ -1,10 +1,11 @@
 //! Output of `swerve map show` for OpenDRIVE files.
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_map::router::{self, Way};
 use swerve_map_io::import::{Gap, Imported, import};
 use swerve_map_io::links::Links;
 use swerve_map_io::opendrive::Network;
-use swerve_map_io::route::{self, Way};
+use swerve_map_io::route;
 use swerve_map_io::summary::Summary;
 use swerve_map_io::{FILE_MAX, picture, points};
 use swerve_text::{decoded, read_given};
@@ -70,6 +71,6 @@ fn way(args: &ShowArgs, Loaded { network, imported, .. }: &Loaded) -> anyhow::Re
     let [from, to] = &*args.route else { return Ok(None) };
     let stop =
         |text: &String| route::stop(network, imported, text).map_err(|message| anyhow!("--route: {message}"));
-    let way = route::find(&imported.map, stop(from)?, stop(to)?);
+    let way = router::find(&imported.map, stop(from)?, stop(to)?);
     way.map(Some).with_context(|| format!("--route: no way from {from} to {to} over driving lanes"))
 }

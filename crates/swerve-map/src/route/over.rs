@@ -1,0 +1,285 @@
+//! Routes over ways with lane changes.
+
+use swerve_geom::{FrenetPoint, Point2, Polyline, angle_between};
+
+use super::{Parts, Route, RouteError, drivable};
+use crate::router::{Step, Way};
+use crate::{Border, Borders, Lane, LaneKind, Map, Station};
+
+/// Length of the move to a lane beside, metres: 4 s at 15 m/s.
+pub const CHANGE_LENGTH_M: f64 = 60.0;
+
+/// Distance from the start of a way to its first change, metres.
+const BEFORE_CHANGE_M: f64 = 5.0;
+
+/// Distance of points and stations where lanes are sampled, metres.
+const SAMPLE_M: f64 = 1.0;
+
+/// Largest distance from the line up to which the ground of a junction is searched, metres, and its step.
+const ASIDE_M: f64 = 12.0;
+const ASIDE_STEP_M: f64 = 0.25;
+
+/// Share of the radius of a turn up to which ground on its inside is used.
+const RADIUS_SHARE: f64 = 0.8;
+
+/// A row of the road: lanes side by side, from that on which the route enters to that on which it leaves.
+#[derive(Clone, Copy)]
+struct Row<'m> {
+    from: &'m Lane,
+    to: &'m Lane,
+    /// Number of lanes from one to the other; positive to the left.
+    across: i32,
+}
+
+pub(super) fn route(map: &Map, way: &Way, beyond_m: f64) -> Result<(Route, [f64; 2]), RouteError> {
+    let rows = rows(map, way)?;
+    let Some(first) = rows.first() else { return Err(RouteError::Empty) };
+    let mut parts = Parts::starting_with(first.from);
+    let (mut k, mut last_begin_m) = (0, 0.0);
+    while let Some(row) = rows.get(k) {
+        last_begin_m = parts.length_m;
+        if row.across == 0 {
+            // A change further on may begin here.
+            let next = rows[k..].iter().position(|row| row.across != 0).map(|ahead| k + ahead);
+            let begin = next.map_or(k + 1, |change| spread(map, &rows, k, change).0);
+            if begin > k {
+                add_lane(map, &mut parts, row.from);
+                k += 1;
+                continue;
+            }
+        }
+        let change = (k..rows.len()).find(|&k| rows[k].across != 0).unwrap_or(k);
+        let (begin, end) = spread(map, &rows, k, change);
+        let run = run(map, &rows[begin..end], rows[change].across);
+        let from_m = if begin == 0 { way.ends_m[0] + BEFORE_CHANGE_M } else { 0.0 };
+        add_change(map, &mut parts, &run, from_m)?;
+        k = end;
+    }
+    let last = rows.last().map(|row| row.to);
+    beyond(map, last, beyond_m, &mut parts);
+    let route = parts.into_route()?;
+    let goal = last.map(|lane| lane.line.at(way.ends_m[1]).pose.point());
+    let reach_m = route.line().length();
+    let goal_m = goal.map_or(0.0, |goal| {
+        let near_m = last_begin_m + way.ends_m[1];
+        route.project_near(goal, near_m, reach_m.min(50.0)).s_m
+    });
+    Ok((route, [way.ends_m[0], goal_m]))
+}
+
+/// Rows of a way: successive changes are one row.
+fn rows<'m>(map: &'m Map, way: &Way) -> Result<Vec<Row<'m>>, RouteError> {
+    let mut rows: Vec<Row<'m>> = Vec::new();
+    for &(step, id) in &way.lanes {
+        let lane = map.lane(id).ok_or(RouteError::Unknown(id))?;
+        let aside = match step {
+            Step::Begin | Step::Follow => 0,
+            Step::ChangeLeft => 1,
+            Step::ChangeRight => -1,
+        };
+        match rows.last_mut().filter(|_| aside != 0) {
+            Some(row) => (row.to, row.across) = (lane, row.across + aside),
+            None => rows.push(Row { from: lane, to: lane, across: 0 }),
+        }
+    }
+    Ok(rows)
+}
+
+/// Rows before and after the row of a change on which the same lanes are side by side, not before row `least`: their
+/// range.
+fn spread(map: &Map, rows: &[Row<'_>], least: usize, change: usize) -> (usize, usize) {
+    let Row { from, to, across } = rows[change];
+    let (mut begin, mut target) = (change, to);
+    while begin > least && rows[begin - 1].across == 0 {
+        let found = beside(map, rows[begin - 1].to, across);
+        let Some(other) = found.filter(|other| other.successors.contains(&target.id)) else { break };
+        (begin, target) = (begin - 1, other);
+    }
+    let (mut end, mut left) = (change + 1, from);
+    while end < rows.len() && rows[end].across == 0 {
+        let found = beside(map, rows[end].from, -across);
+        let Some(other) = found.filter(|other| left.successors.contains(&other.id)) else { break };
+        (end, left) = (end + 1, other);
+    }
+    (begin, end)
+}
+
+/// The driving lane of the same direction this many lanes to the left.
+fn beside<'m>(map: &'m Map, lane: &'m Lane, across: i32) -> Option<&'m Lane> {
+    let mut at = lane;
+    for _ in 0..across.abs() {
+        let next = if across > 0 { at.left } else { at.right };
+        let next = next.filter(|next| !next.opposite)?;
+        at = map.lane(next.lane).filter(|lane| lane.kind == LaneKind::Driving)?;
+    }
+    Some(at)
+}
+
+/// Both lanes of each row of a change, from the lane before the change to that after it.
+fn run<'m>(map: &'m Map, rows: &[Row<'m>], across: i32) -> Vec<[&'m Lane; 2]> {
+    let mut changed = false;
+    let pair = |row: &Row<'m>| {
+        if row.across != 0 {
+            changed = true;
+            return [row.from, row.to];
+        }
+        match changed {
+            false => [row.from, beside(map, row.from, across).unwrap_or(row.from)],
+            true => [beside(map, row.from, -across).unwrap_or(row.from), row.from],
+        }
+    };
+    rows.iter().map(pair).collect()
+}
+
+/// Adds the move from lane to lane, which begins at least `from_m` metres into the run.
+fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> Result<(), RouteError> {
+    let length_m: f64 = run.iter().map(|[from, _]| from.line.length()).sum();
+    let begin_m = from_m.min(0.5 * length_m);
+    let over_m = CHANGE_LENGTH_M.min(length_m - begin_m);
+    let mut row_m = 0.0;
+    for &[from, to] in run {
+        let row_length_m = from.line.length();
+        let share = |s_m: f64| smooth(((row_m + s_m - begin_m) / over_m).clamp(0.0, 1.0));
+        let count = (row_length_m / SAMPLE_M).ceil().max(1.0);
+        let samples: Vec<Sample> = (0..=count as usize)
+            .map(|k| Sample::between(from, to, k as f64 / count, share(row_length_m * k as f64 / count)))
+            .collect();
+        let mut points = vec![*parts.points.last().unwrap_or(&samples[0].at)];
+        points.extend(samples[1..].iter().map(|sample| sample.at));
+        let line = Polyline::new(&points)?;
+        let [from_ground, to_ground] = [from, to].map(|lane| drivable(map, lane));
+        let side = |of: &dyn Fn(&Sample) -> f64| stations(&points, samples.iter().map(of));
+        let ground = Borders::new(
+            side(&|x| (from_ground.left_m(x.s_m[0]) - x.d_m[0]).max(to_ground.left_m(x.s_m[1]) - x.d_m[1])),
+            side(&|x| (from_ground.right_m(x.s_m[0]) + x.d_m[0]).max(to_ground.right_m(x.s_m[1]) + x.d_m[1])),
+        );
+        let within = |x: &Sample| [x.share < 1.0, x.share > 0.0];
+        let widest = |of: [f64; 2], within: [bool; 2]| match within {
+            [true, true] => of[0].max(of[1]),
+            [true, false] => of[0],
+            _ => of[1],
+        };
+        let own = Borders::new(
+            side(&|x| {
+                let of = |k: usize, lane: &Lane| lane.borders.left_m(x.s_m[k]) - x.d_m[k];
+                widest([of(0, from), of(1, to)], within(x))
+            }),
+            side(&|x| {
+                let of = |k: usize, lane: &Lane| lane.borders.right_m(x.s_m[k]) + x.d_m[k];
+                widest([of(0, from), of(1, to)], within(x))
+            }),
+        );
+        let leaves = samples.iter().position(|x| x.share > 0.5);
+        match leaves {
+            Some(0) => parts.stretch(to, 0.0),
+            Some(k) => {
+                parts.stretch(from, 0.0);
+                parts.stretch(to, line.length() * k as f64 / count);
+            }
+            None => parts.stretch(from, 0.0),
+        }
+        parts.add(&points[1..], line.length(), &ground, &own);
+        row_m += row_length_m;
+    }
+    Ok(())
+}
+
+/// A point of a change, with its places beside both lanes.
+struct Sample {
+    at: Point2,
+    share: f64,
+    s_m: [f64; 2],
+    d_m: [f64; 2],
+}
+
+impl Sample {
+    /// The point at a share of the way from one lane to the other, at the same share of both lengths.
+    fn between(from: &Lane, to: &Lane, along: f64, share: f64) -> Self {
+        let s_m = [from, to].map(|lane| along * lane.line.length());
+        let places = [from.line.at(s_m[0]).pose, to.line.at(s_m[1]).pose];
+        let at = places[0].point() + (places[1].point() - places[0].point()) * share;
+        let d_m = places.map(|place| (at - place.point()).dot(place.direction().left()));
+        Self { at, share, s_m, d_m }
+    }
+}
+
+/// Border with a station at each point.
+fn stations(points: &[Point2], distances_m: impl Iterator<Item = f64>) -> Border {
+    let mut s_m = 0.0;
+    let mut last = points[0];
+    let stations: Vec<Station> = points
+        .iter()
+        .zip(distances_m)
+        .map(|(&point, distance_m)| {
+            s_m += point.distance(last);
+            last = point;
+            Station { s_m, distance_m }
+        })
+        .collect();
+    Border::linear(&stations).unwrap_or_else(|_| Border::constant(stations[0].distance_m))
+}
+
+/// Smooth step with zero slope and curvature at both ends.
+fn smooth(u: f64) -> f64 {
+    u * u * u * (10.0 + u * (6.0 * u - 15.0))
+}
+
+/// Adds a whole lane; in a junction with all ground beside it.
+fn add_lane(map: &Map, parts: &mut Parts, lane: &Lane) {
+    let inside = map.junctions_of(lane.id).any(|junction| junction.lanes.binary_search(&lane.id).is_ok());
+    if !inside {
+        return parts.add_lane(map, lane);
+    }
+    let ground = junction_ground(map, lane);
+    parts.stretch(lane, 0.0);
+    parts.add(&lane.line.points()[1..], lane.line.length(), &ground, &lane.borders);
+}
+
+/// Borders of the ground beside a lane of a junction, up to the first place without a drivable lane.
+fn junction_ground(map: &Map, lane: &Lane) -> Borders {
+    let length_m = lane.line.length();
+    let count = (length_m / SAMPLE_M).ceil().max(1.0) as usize;
+    let near: Vec<&Lane> = map.near(lane, ASIDE_M).filter(|other| other.kind.is_drivable()).collect();
+    let is_ground = |point: Point2| near.iter().any(|other| other.place_of(point).is_some());
+    let side = |sign: f64| {
+        let own = if sign > 0.0 { lane.borders.left() } else { lane.borders.right() };
+        let station = |k: usize| {
+            let s_m = length_m * k as f64 / count as f64;
+            let inwards_1pm = sign * lane.line.at(s_m).curvature_1pm;
+            let most_m = if inwards_1pm > 0.0 { ASIDE_M.min(RADIUS_SHARE / inwards_1pm) } else { ASIDE_M };
+            let mut distance_m = own.at(s_m);
+            while distance_m + ASIDE_STEP_M <= most_m {
+                let next_m = distance_m + ASIDE_STEP_M;
+                if !is_ground(lane.line.to_map(FrenetPoint { s_m, d_m: sign * next_m })) {
+                    break;
+                }
+                distance_m = next_m;
+            }
+            Station { s_m, distance_m }
+        };
+        let stations: Vec<Station> = (0..=count).map(station).collect();
+        Border::linear(&stations).unwrap_or_else(|_| own.clone())
+    };
+    Borders::new(side(1.0), side(-1.0))
+}
+
+/// Adds successors of the last lane up to a length.
+fn beyond(map: &Map, last: Option<&Lane>, length_m: f64, parts: &mut Parts) {
+    let until_m = parts.length_m + length_m;
+    let mut at = last;
+    while let Some(lane) = at.filter(|_| parts.length_m < until_m) {
+        let turn = |next: &Lane| {
+            let [begin, end] = [0.0, next.line.length()].map(|s_m| next.line.at(s_m).pose.heading_rad);
+            angle_between(begin, end).abs()
+        };
+        let nexts = lane.successors.iter().filter_map(|id| map.lane(*id));
+        let nexts = nexts.filter(|next| next.kind == LaneKind::Driving);
+        at = nexts.min_by(|a, b| turn(a).total_cmp(&turn(b)).then(a.id.cmp(&b.id)));
+        if let Some(next) = at {
+            add_lane(map, parts, next);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

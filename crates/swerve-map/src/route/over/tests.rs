@@ -1,0 +1,111 @@
+use swerve_geom::{Obb, Pose2};
+
+use super::*;
+use crate::router::{Stop, find};
+use crate::{Features, Junction, JunctionId, LaneId, Neighbour};
+
+fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
+    let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
+    let successors = successors.iter().map(|id| LaneId(*id)).collect();
+    let borders = Borders::constant(1.75, 1.75);
+    Lane { successors, ..Lane::new(LaneId(id), Polyline::new(&points).unwrap(), borders) }
+}
+
+fn side_by_side(lanes: &mut [Lane], left: usize, right: usize) {
+    let beside = |lane: &Lane| Some(Neighbour { lane: lane.id, opposite: false });
+    (lanes[left].right, lanes[right].left) = (beside(&lanes[right]), beside(&lanes[left]));
+}
+
+/// Three rows of 40 m with two lanes side by side; the right lane ends with them, the left one goes on for 200 m.
+fn motorway() -> Map {
+    let row = |k: u32| {
+        let [from, to] = [f64::from(k) * 40.0, f64::from(k + 1) * 40.0];
+        let next = |id: u32| [id + 2];
+        let nexts = |id: u32, ends: bool| if k == 2 && ends { Vec::new() } else { next(id).to_vec() };
+        [
+            lane(2 * k + 1, &[(from, 0.0), (to, 0.0)], &nexts(2 * k + 1, true)),
+            lane(2 * k, &[(from, 3.5), (to, 3.5)], &nexts(2 * k, false)),
+        ]
+    };
+    let mut lanes: Vec<Lane> = (0..3).flat_map(row).collect();
+    for k in 0..3 {
+        side_by_side(&mut lanes, 2 * k + 1, 2 * k);
+    }
+    lanes.push(lane(6, &[(120.0, 3.5), (320.0, 3.5)], &[]));
+    Map::new(lanes).unwrap()
+}
+
+fn over(map: &Map, from: (u32, f64), to: (u32, f64), beyond_m: f64) -> (Route, [f64; 2]) {
+    let stop = |(lane, s_m)| Stop { lane: LaneId(lane), s_m };
+    Route::over(map, &find(map, stop(from), stop(to)).unwrap(), beyond_m).unwrap()
+}
+
+#[test]
+fn change_of_lanes_is_one_smooth_move_over_all_rows_where_they_are_side_by_side() {
+    let (route, [start_m, goal_m]) = over(&motorway(), (1, 10.0), (6, 50.0), 0.0);
+    assert_eq!(start_m, 10.0);
+    // The move is longer than its projection by the mean of half its squared slope, 10/7 d²/l, halved.
+    assert!((goal_m - 170.0 - 5.0 / 7.0 * 3.5 * 3.5 / 60.0).abs() < 0.01, "{goal_m}");
+    let at = |x_m: f64| route.project(Point2::new(x_m, 0.0));
+    let y_m = |x_m: f64| route.line().at(at(x_m).s_m).pose.y_m;
+    for (x_m, expected) in [(5.0, 0.0), (14.9, 0.0), (45.0, 1.75), (75.5, 3.5), (300.0, 3.5)] {
+        assert!((y_m(x_m) - expected).abs() < 0.03, "{x_m}: {}", y_m(x_m));
+    }
+    // Curvature of a quintic: at most 5.78 d/l².
+    let most_1pm = (0..310).map(|x| route.line().at(f64::from(x)).curvature_1pm.abs()).fold(0.0, f64::max);
+    assert!(most_1pm < 5.9 * 3.5 / 3600.0, "{most_1pm}");
+    // On the move both lanes are the ego's and the ground; before and after it, its lane is one of them.
+    for (x_m, own, ground) in [
+        (5.0, [1.75, -1.75], [5.25, -1.75]),
+        (45.0, [5.25, -1.75], [5.25, -1.75]),
+        (100.0, [5.25, 1.75], [5.25, -1.75]),
+        (200.0, [5.25, 1.75], [5.25, 1.75]),
+    ] {
+        let (s_m, y_m) = (at(x_m).s_m, y_m(x_m));
+        let ends = |of: &Borders| [y_m + of.left_m(s_m), y_m - of.right_m(s_m)];
+        for (got, expected) in [(ends(route.lane()), own), (ends(route.borders()), ground)] {
+            for k in 0..2 {
+                assert!((got[k] - expected[k]).abs() < 0.02, "{x_m}: {got:?}, not {expected:?}");
+            }
+        }
+    }
+    let lanes: Vec<u32> = route.stretches().iter().map(|stretch| stretch.lane.0).collect();
+    assert_eq!(lanes, [1, 3, 2, 4, 6]);
+}
+
+#[test]
+fn ways_without_a_change_equal_the_route_along_their_lanes() {
+    let map = motorway();
+    let (route, ends_m) = over(&map, (0, 5.0), (6, 20.0), 0.0);
+    assert_eq!(route, Route::along(&map, &[0, 2, 4, 6].map(LaneId)).unwrap());
+    assert_eq!(ends_m, [5.0, 140.0]);
+    let (route, ends_m) = over(&map, (0, 5.0), (2, 20.0), 100.0);
+    assert_eq!((ends_m, route.line().length()), ([5.0, 60.0], 320.0));
+}
+
+#[test]
+fn ground_of_a_junction_is_that_of_all_lanes_without_a_gap() {
+    let mut lanes = vec![
+        lane(0, &[(0.0, 0.0), (20.0, 0.0)], &[]),
+        lane(1, &[(20.0, 3.5), (0.0, 3.5)], &[]),
+        lane(2, &[(10.0, -20.0), (10.0, 20.0)], &[]),
+        lane(3, &[(0.0, -9.0), (20.0, -9.0)], &[]),
+    ];
+    lanes[3].kind = LaneKind::Walking;
+    let junction = Junction {
+        id: JunctionId(0),
+        name: String::new(),
+        lanes: [0, 1, 2, 3].map(LaneId).to_vec(),
+        incoming: Vec::new(),
+        rights_of_way: Vec::new(),
+    };
+    let features = Features { junctions: vec![junction], ..Features::default() };
+    let map = Map::with_features(lanes, features).unwrap();
+    let (route, _) = over(&map, (0, 0.0), (0, 20.0), 0.0);
+    for (s_m, left_m, right_m) in [(3.0, 5.25, 1.75), (10.0, 12.0, 12.0), (17.0, 5.25, 1.75)] {
+        assert!((route.left_m(s_m) - left_m).abs() < 0.26, "{s_m}: {}", route.left_m(s_m));
+        assert!((route.right_m(s_m) - right_m).abs() < 0.26, "{s_m}: {}", route.right_m(s_m));
+        assert_eq!((route.lane().left_m(s_m), route.lane().right_m(s_m)), (1.75, 1.75));
+    }
+    assert!(route.margin_m(&Obb::new(Pose2::new(10.0, 6.0, 0.0), 3.0, 3.0)) > 0.0);
+}

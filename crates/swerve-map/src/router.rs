@@ -1,0 +1,197 @@
+//! Router: the cheapest way over lanes from a place to another.
+//!
+//! A* over driving lanes: the cost is the length of the way, with [`CHANGE_M`] for each change to a lane beside it of
+//! the same direction; the estimate is the distance to the destination. Of equal costs, the lane with the smaller
+//! identity is taken first, so that the way is the same on every machine.
+
+use core::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BinaryHeap};
+
+use swerve_geom::Point2;
+
+use crate::{LaneId, LaneKind, Map};
+
+/// Cost of a lane change, metres of way.
+pub const CHANGE_M: f64 = 20.0;
+
+/// A place on a lane of a map.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Stop {
+    /// The lane.
+    pub lane: LaneId,
+    /// Arc length along its centre line in the direction of travel, metres.
+    pub s_m: f64,
+}
+
+/// Step of a way to a lane.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Step {
+    /// The way begins on it.
+    Begin,
+    /// It continues the lane before.
+    Follow,
+    /// It is to the left of the lane before.
+    ChangeLeft,
+    /// It is to the right of the lane before.
+    ChangeRight,
+}
+
+impl Step {
+    /// Name in output.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Begin => "begin",
+            Self::Follow => "follow",
+            Self::ChangeLeft => "change left",
+            Self::ChangeRight => "change right",
+        }
+    }
+}
+
+/// A way over lanes.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Way {
+    /// Lanes in order, and the way to each.
+    pub lanes: Vec<(Step, LaneId)>,
+    /// Length from start to destination without lane changes, metres.
+    pub length_m: f64,
+    /// Place of the start along the first lane, and of the destination along the last one, metres.
+    pub ends_m: [f64; 2],
+}
+
+impl Way {
+    /// Centre line of the `k`-th lane of the way; the first begins at the start, the last ends at the destination.
+    pub fn line(&self, map: &Map, k: usize) -> Vec<Point2> {
+        let Some(lane) = self.lanes.get(k).and_then(|(_, lane)| map.lane(*lane)) else { return Vec::new() };
+        let from_m = if k == 0 { self.ends_m[0] } else { 0.0 };
+        let to_m = if k + 1 == self.lanes.len() { self.ends_m[1] } else { lane.line.length() };
+        let points = lane.line.points();
+        let mut s_m = 0.0;
+        let mut line = vec![lane.line.at(from_m).pose.point()];
+        for two in points.windows(2) {
+            s_m += two[0].distance(two[1]);
+            if from_m < s_m && s_m < to_m {
+                line.push(two[1]);
+            }
+        }
+        line.push(lane.line.at(to_m).pose.point());
+        line
+    }
+
+    /// Number of lane changes.
+    pub fn changes(&self) -> usize {
+        self.lanes.iter().filter(|(step, _)| matches!(step, Step::ChangeLeft | Step::ChangeRight)).count()
+    }
+}
+
+/// A lane, and true if it is entered beside the start rather than at its begin.
+type Node = (LaneId, bool);
+
+/// An open node; the smallest is the next.
+struct Open {
+    estimate_m: f64,
+    node: Node,
+}
+
+impl PartialEq for Open {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Open {}
+
+impl PartialOrd for Open {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Open {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.estimate_m.total_cmp(&other.estimate_m).then(self.node.cmp(&other.node))
+    }
+}
+
+/// Best way to a node so far.
+#[derive(Clone, Copy)]
+struct Reached {
+    /// Cost up to the place where the lane is entered, metres.
+    cost_m: f64,
+    /// That place along the lane, metres.
+    entry_m: f64,
+    from: Option<Node>,
+    step: Step,
+    closed: bool,
+}
+
+/// State of a search.
+struct Search<'m> {
+    map: &'m Map,
+    goal: Point2,
+    reached: BTreeMap<Node, Reached>,
+    open: BinaryHeap<Reverse<Open>>,
+}
+
+/// Finds the cheapest way; `None` if there is none.
+pub fn find(map: &Map, from: Stop, to: Stop) -> Option<Way> {
+    let goal = map.lane(to.lane)?.line.at(to.s_m).pose.point();
+    let mut search = Search { map, goal, reached: BTreeMap::new(), open: BinaryHeap::new() };
+    search.offer((from.lane, true), 0.0, from.s_m, (None, Step::Begin));
+    let mut best: Option<(f64, Node)> = None;
+    while let Some(Reverse(Open { estimate_m, node })) = search.open.pop() {
+        if best.is_some_and(|(cost_m, _)| cost_m <= estimate_m) {
+            break;
+        }
+        let Some(at) = search.reached.get_mut(&node).filter(|at| !at.closed) else { continue };
+        at.closed = true;
+        let at = *at;
+        if node.0 == to.lane && at.entry_m <= to.s_m {
+            let cost_m = at.cost_m + to.s_m - at.entry_m;
+            if best.is_none_or(|(best_m, _)| cost_m < best_m) {
+                best = Some((cost_m, node));
+            }
+        }
+        search.expand(node, at);
+    }
+    let (cost_m, last) = best?;
+    let mut lanes = Vec::new();
+    let mut node = Some(last);
+    while let Some(at) = node.and_then(|node| Some((node, search.reached.get(&node)?))) {
+        lanes.push((at.1.step, at.0.0));
+        node = at.1.from;
+    }
+    lanes.reverse();
+    let mut way = Way { lanes, length_m: cost_m, ends_m: [from.s_m, to.s_m] };
+    way.length_m -= CHANGE_M * way.changes() as f64;
+    Some(way)
+}
+
+impl Search<'_> {
+    fn expand(&mut self, node: Node, at: Reached) {
+        let Some(lane) = self.map.lane(node.0) else { return };
+        let length_m = lane.line.length();
+        for &next in &lane.successors {
+            self.offer((next, false), at.cost_m + length_m - at.entry_m, 0.0, (Some(node), Step::Follow));
+        }
+        for (beside, step) in [(lane.left, Step::ChangeLeft), (lane.right, Step::ChangeRight)] {
+            let Some(other) = beside.filter(|beside| !beside.opposite) else { continue };
+            let other_m = self.map.lane(other.lane).map_or(0.0, |other| other.line.length());
+            let entry_m = at.entry_m * (other_m / length_m);
+            self.offer((other.lane, node.1), at.cost_m + CHANGE_M, entry_m, (Some(node), step));
+        }
+    }
+
+    fn offer(&mut self, node: Node, cost_m: f64, entry_m: f64, (from, step): (Option<Node>, Step)) {
+        let Some(lane) = self.map.lane(node.0).filter(|lane| lane.kind == LaneKind::Driving) else { return };
+        if self.reached.get(&node).is_some_and(|at| at.closed || at.cost_m <= cost_m) {
+            return;
+        }
+        let left_m = lane.line.at(entry_m).pose.point().distance(self.goal);
+        self.reached.insert(node, Reached { cost_m, entry_m, from, step, closed: false });
+        self.open.push(Reverse(Open { estimate_m: cost_m + left_m, node }));
+    }
+}
+
+#[cfg(test)]
+mod tests;
