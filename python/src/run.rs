@@ -12,7 +12,7 @@ use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
-use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
+use swerve_drive::{drive_pipeline, problems_error, read_scenario, run_start, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Reader, Recorder, RunStart};
 use swerve_report::story::draw;
@@ -135,16 +135,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     let mut story = story(config, scenario, &pipeline);
     let mut recorder = match &wanted.log {
         Some(path) => {
-            let start = RunStart {
-                version: env!("CARGO_PKG_VERSION").into(),
-                seed: config.seed,
-                config: config.to_text(),
-                extra: [
-                    ("scenario".to_owned(), scenario_text.clone()),
-                    ("scenario_file".to_owned(), scenario_file.clone()),
-                ]
-                .into(),
-            };
+            let start = run_start(config, scenario, Path::new(scenario_file));
             Some(recorder(path, &start, config, &pipeline)?)
         }
         None => None,

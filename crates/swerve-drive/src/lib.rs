@@ -34,7 +34,7 @@ pub use load::{
 };
 pub use measured::{norm, outline};
 pub use overwrite::OverwriteArgs;
-pub use recording::{Recording, left_out_of_logs, run_start, set_up};
+pub use recording::{Recording, left_out_of_logs, logged_scenario, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
 pub use story::{story, title};
 pub use trust::CodeArgs;

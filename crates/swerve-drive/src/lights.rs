@@ -2,20 +2,26 @@
 
 use swerve_core::{Span, Time};
 use swerve_eval::LightCourse;
+use swerve_geom::FrenetPoint;
 use swerve_msg::Signal;
 use swerve_scenario::{Scenario, TrafficLight};
 
-/// Signal phases of each light of a scenario, from the start until an instant.
+/// Distance of a light from its stop line along the route, metres.
+const BEHIND_LINE_M: f64 = 50.0;
+
+/// Signal phases of each light that the ego obeys, from the start until an instant.
 pub fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
+    let line = scenario.road.line();
     let course = |light: &TrafficLight| {
+        let stop_s_m = light.stop_s_m?;
         let (mut shows, mut at) = (Vec::new(), Time::ZERO);
         while at <= until {
             let (signal, since) = light.phase(at);
             shows.push((at, signal));
             let length_s = match signal {
-                Signal::Green => light.green_s,
-                Signal::Yellow => light.yellow_s,
-                Signal::Red => light.red_s,
+                Signal::Green => light.cycle.green_s,
+                Signal::Yellow => light.cycle.yellow_s,
+                Signal::Red => light.cycle.red_s,
             };
             let next = at - since + Span::from_secs(length_s);
             // An unchecked light may have no phases.
@@ -24,10 +30,10 @@ pub fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
             }
             at = next;
         }
-        let (s_m, d_m, stop_s_m) = (light.s_m, light.d_m, light.stop_s_m);
-        LightCourse { name: light.name.clone(), s_m, d_m, stop_s_m, shows }
+        let FrenetPoint { s_m, d_m } = line.project_near(light.pose.point(), stop_s_m, BEHIND_LINE_M);
+        Some(LightCourse { name: light.name.clone(), s_m, d_m, stop_s_m, shows })
     };
-    scenario.road.lights.iter().map(course).collect()
+    scenario.road.lights.iter().filter_map(course).collect()
 }
 
 #[cfg(test)]

@@ -57,7 +57,8 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
 /// Same as [`read_scenario`], with single keys changed.
 fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
     let document = Kind::scenario(path)?;
-    let scenario = Scenario::parse_with(&document.file, &document.text, sets)
+    let map = Kind::map_of(path, &document);
+    let scenario = Scenario::parse_on(&document.file, &document.text, map.as_ref(), sets)
         .map_err(|problems| problems_error(&problems))?;
     let names: Vec<String> = Config::pipeline_names().collect();
     let known = |name: &&String| names.contains(name);

@@ -54,13 +54,9 @@ pub fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
-/// Lane and speed that the scenario requires of the ego.
+/// Speed that the scenario requires of the ego.
 pub fn norm(pipeline: &Pipeline) -> Norm {
-    let scenario = &pipeline.scenario;
-    Norm {
-        lane_width_m: Some(scenario.road.lane_width_m),
-        target_speed_mps: Some(scenario.ego.target_speed_mps),
-    }
+    Norm { target_speed_mps: Some(pipeline.scenario.ego.target_speed_mps) }
 }
 
 impl Measured {

@@ -8,12 +8,12 @@ pub use log::{LogSoFar, given_log, log_of, page_of_log, pair_of_logs};
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
-use swerve_geom::FrenetPoint;
+use swerve_geom::{FrenetPoint, Point2};
 use swerve_msg::Route;
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
 use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
-use swerve_scenario::{Road, Scenario, TrafficLight};
+use swerve_scenario::{Cycle, Road, Scenario, TrafficLight};
 use swerve_stack::Assembly;
 use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
@@ -82,7 +82,7 @@ impl RunReport {
     fn set_up(&mut self, config: &Setup, pipeline: &Pipeline) {
         let shape = outline(&pipeline.vehicle.shape);
         let scenario = &pipeline.scenario;
-        self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
+        self.collector.set_ground(&pipeline.route, lane_width_m(scenario), shape);
         self.collector.set_lights(lights(&scenario.road, &pipeline.route));
         self.collector.keep_photos(config.log.images != Images::None);
         self.collector.set_names(scenario.names());
@@ -92,7 +92,7 @@ impl RunReport {
     /// Sets up a live drive. The graph needs the vehicle; the inputs do not.
     fn set_up_live(&mut self, config: &Setup, scenario: &Scenario) -> anyhow::Result<()> {
         let shape = outline(&config.sim.vehicle.shape);
-        self.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
+        self.collector.set_ground(&scenario.road.route(), lane_width_m(scenario), shape);
         set_inputs(&mut self.collector, &Assembly::new(config)?);
         Ok(())
     }
@@ -149,24 +149,29 @@ impl Observer for RunReport {
     }
 }
 
-/// Traffic lights of a road.
+/// Width of the ego's lane where it starts, metres.
+fn lane_width_m(scenario: &Scenario) -> f64 {
+    scenario.road.lane_width_m(scenario.ego.s_m)
+}
+
+/// Traffic lights that the ego obeys.
 fn lights(road: &Road, route: &Route) -> Vec<Light> {
-    let cm = |s_m: f64, d_m: f64| {
-        let point = route.unproject(FrenetPoint { s_m, d_m });
-        [point.x_m, point.y_m].map(|m| (m * 100.0).round() as i64)
-    };
+    let cm = |point: Point2| [point.x_m, point.y_m].map(|m| (m * 100.0).round() as i64);
     let us = |s: f64| (s * 1e6).round() as i64;
     let one = |light: &TrafficLight| {
-        let [left, right] = [road.left_m, -road.right_m].map(|d_m| cm(light.stop_s_m, d_m));
-        Light {
+        let s_m = light.stop_s_m?;
+        let ends = [route.left_m(s_m), -route.right_m(s_m)];
+        let [left, right] = ends.map(|d_m| cm(route.unproject(FrenetPoint { s_m, d_m })));
+        let Cycle { green_s, yellow_s, red_s, offset_s } = light.cycle;
+        Some(Light {
             name: light.name.clone(),
-            at: cm(light.s_m, light.d_m),
+            at: cm(light.pose.point()),
             stop: [left[0], left[1], right[0], right[1]],
-            phases: [light.green_s, light.yellow_s, light.red_s].map(us),
-            offset: us(light.offset_s),
-        }
+            phases: [green_s, yellow_s, red_s].map(us),
+            offset: us(offset_s),
+        })
     };
-    road.lights.iter().map(one).collect()
+    road.lights.iter().filter_map(one).collect()
 }
 
 fn set_inputs(collector: &mut Collector, assembly: &Assembly) {

@@ -125,6 +125,7 @@ fn starting(program: &Program, name: &str, process: &ProcessConfig) -> anyhow::R
 struct Texts {
     config: String,
     scenario: String,
+    map: Option<String>,
 }
 
 /// Processes of one run. They end when this is dropped.
@@ -173,7 +174,11 @@ impl Processes {
     /// process does not start.
     pub fn start(program: &Program, config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         trust::check(config, config.process.keys())?;
-        let texts = Texts { config: config.to_text(), scenario: pipeline.scenario.text.to_string() };
+        let texts = Texts {
+            config: config.to_text(),
+            scenario: pipeline.scenario.text.to_string(),
+            map: pipeline.scenario.road.map_text().map(|text| text.to_string()),
+        };
         let payload = serde_json::to_vec(&texts)?;
         let mut workers = match &config.shared_memory.name {
             Some(name) => WorkerPool::named(name)?,
@@ -242,7 +247,8 @@ pub fn run_worker_with(
     let document = Document::parse("configuration of the run", texts.config)?;
     let config =
         Setup::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
-    let scenario = Scenario::parse("scenario of the run", &texts.scenario)
+    let map = texts.map.map(Arc::from);
+    let scenario = Scenario::parse_on("scenario of the run", &texts.scenario, map.as_ref(), &[])
         .map_err(|problems| problems_error(&problems))?;
     // Cameras and lidars are not stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;

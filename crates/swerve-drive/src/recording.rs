@@ -1,7 +1,9 @@
 //! Log of a run: its contents, and the reaction to a write failure.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use anyhow::Context as _;
 use swerve_flow::{Event, Observer, StopHandle};
 use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, LogError, Recorder, RunStart};
@@ -13,6 +15,7 @@ use swerve_stack::config::Images;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
+use crate::load::problems_error;
 use crate::views::views_of;
 
 /// Records a run. A failure is reported at once on standard error. It ends a run in virtual time; a run under wall
@@ -84,14 +87,29 @@ pub fn set_up(recorder: &mut Recorder, config: &Setup, pipeline: &Pipeline) {
     }
 }
 
+/// Scenario of a run, from the head of its log.
+///
+/// # Errors
+/// If the log has none, or one that this version does not read.
+pub fn logged_scenario(start: &RunStart) -> anyhow::Result<Scenario> {
+    let text = start.extra.get("scenario").context("the log holds no scenario")?;
+    let map = start.extra.get("map").map(|text| Arc::from(text.as_str()));
+    let scenario = Scenario::parse_on("scenario of the log", text, map.as_ref(), &[]);
+    scenario.map_err(|problems| problems_error(&problems))
+}
+
 /// Head of a log: everything needed to run again without the files.
 pub fn run_start(config: &Setup, scenario: &Scenario, file: &Path) -> RunStart {
-    let text = scenario.text.to_string();
+    let texts = [
+        ("scenario", Some(scenario.text.to_string())),
+        ("scenario_file", Some(file.display().to_string())),
+        ("map", scenario.road.map_text().map(|text| text.to_string())),
+    ];
+    let texts = texts.into_iter().filter_map(|(key, text)| Some((key.to_owned(), text?)));
     RunStart {
         version: env!("CARGO_PKG_VERSION").into(),
         seed: config.seed,
         config: config.to_text(),
-        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), file.display().to_string())]
-            .into(),
+        extra: texts.collect(),
     }
 }

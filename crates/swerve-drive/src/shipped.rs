@@ -7,6 +7,7 @@
 use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 use swerve_scenario::is_scenario_key;
 use swerve_stack::Registry;
@@ -146,6 +147,9 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/two_processes.toml"
     "configs/urban_gnss.toml"
 };
+
+/// Folder of the maps of the scenarios.
+const MAPS: &str = "scenarios/maps";
 
 /// Kind of file, which selects the folder where names are looked up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -308,6 +312,16 @@ impl Kind {
         }
     }
 
+    /// Text of the map file that a scenario names, if the program has it and there is none beside the scenario's file.
+    pub(crate) fn map_of(given: &Path, scenario: &Document) -> Option<Arc<str>> {
+        let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
+        if given.parent().unwrap_or(Path::new("")).join(name).exists() {
+            return None;
+        }
+        let path = format!("{MAPS}/{}", plain(name)?);
+        FILES.iter().find(|file| file.path == path).map(|file| file.text.into())
+    }
+
     /// Merges several configuration files, or built-in ones of these names, to one document; later files override
     /// earlier ones. Files that name programs are also returned as layers, in order.
     ///
@@ -317,8 +331,8 @@ impl Kind {
         let documents: Vec<Document> =
             given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
         for document in &documents {
-            // Every scenario has a road; no configuration has one.
-            if document.table.contains_key("road") {
+            // Every scenario has a road or a map; no configuration has one.
+            if ["road", "map"].iter().any(|key| document.table.contains_key(*key)) {
                 return Err(document.problem("", Self::Scenario.in_place_of(self)));
             }
         }

@@ -21,7 +21,7 @@ pub fn title(config: &Config, scenario: &Scenario) -> String {
 
 /// Creates the picture of a run, to be filled during the run.
 pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
-    let lane_width_m = Some(scenario.road.lane_width_m);
+    let lane_width_m = Some(scenario.road.lane_width_m(scenario.ego.s_m));
     let mut story = Story::new(
         title(config, scenario),
         pipeline.route.clone(),

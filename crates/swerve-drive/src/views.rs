@@ -5,8 +5,7 @@ use std::sync::Arc;
 use swerve_core::Span;
 use swerve_foxglove::{self as foxglove, ImageForm, Mount, Sensor};
 use swerve_geom::{Ego, Point, Transform};
-use swerve_msg::RoadLine;
-use swerve_scenario::{Road, Scenario};
+use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -28,17 +27,11 @@ pub fn live_views(config: &Config, scenario: &Scenario) -> foxglove::Setup {
     foxglove::Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
 }
 
-/// Lane borders of the ego lane within the drivable area, metres to the left of its centre.
-fn lane_lines_m(road: &Road) -> Vec<f64> {
-    let inner = |line| matches!(line, RoadLine::LaneLeft | RoadLine::LaneRight);
-    road.lines().into_iter().filter(|&(line, _)| inner(line)).map(|(_, d_m)| d_m).collect()
-}
-
 fn setup(config: &Config, scenario: &Scenario) -> foxglove::Setup {
     let (log, vehicle) = (&config.log, &config.sim.vehicle);
     foxglove::Setup {
         route: scenario.road.route(),
-        lines_m: lane_lines_m(&scenario.road),
+        lines_m: scenario.road.lines().inner(),
         shape: vehicle.shape,
         dead_time: Span::from_secs(vehicle.dead_time_s),
         mounts: Vec::new(),

@@ -26,11 +26,9 @@ const TTC_MAX_S: f64 = 100.0;
 /// Minimum speed of the ego for a headway, m/s.
 const STANDS_MPS: f64 = 0.1;
 
-/// Lane and speed that the ego is to keep, if known.
+/// Speed that the ego is to keep, if known.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Norm {
-    /// Width of the own lane, metres.
-    pub lane_width_m: Option<f64>,
     /// Target speed, m/s.
     pub target_speed_mps: Option<f64>,
 }
@@ -99,8 +97,8 @@ impl Traffic {
         let outline = self.ego.footprint(world.ego.state.pose);
         self.time_to_collision(world, &outline);
         self.speed(world.ego.state.speed_mps);
-        if let (Some(route), Some(width_m)) = (self.route.take(), self.norm.lane_width_m) {
-            self.lane(world, &outline, (&route, 0.5 * width_m));
+        if let Some(route) = self.route.take() {
+            self.lane(world, &outline, &route);
             self.route = Some(route);
         }
         self.last = Some((world.stamp, world.ego.state.pose.point()));
@@ -132,30 +130,33 @@ impl Traffic {
         }
     }
 
-    fn lane(&mut self, world: &WorldState, outline: &Obb, lane: (&Route, f64)) {
-        let (route, half_m) = lane;
+    /// Inside junctions, where lanes have no lines, none is crossed.
+    fn lane(&mut self, world: &WorldState, outline: &Obb, route: &Route) {
         let center = outline.center.point();
         let place = match self.s_m {
             Some(s_m) => route.project_near(center, s_m, NEAR_M),
             None => route.project(center),
         };
         self.s_m = Some(place.s_m);
-        let corners = outline.corners().map(|corner| route.project_near(corner, place.s_m, NEAR_M).d_m);
-        let is_left = corners.iter().any(|d_m| *d_m > half_m);
-        let is_outside = is_left || corners.iter().any(|d_m| *d_m < -half_m);
+        let corners = outline.corners().map(|corner| route.project_near(corner, place.s_m, NEAR_M));
+        let has_lines =
+            |at: &FrenetPoint| !route.stretch_at(at.s_m).is_some_and(|stretch| stretch.in_junction);
+        let lined = || corners.iter().filter(|at| has_lines(at));
+        let is_left = lined().any(|at| at.d_m > route.lane().left_m(at.s_m));
+        let is_outside = is_left || lined().any(|at| at.d_m < -route.lane().right_m(at.s_m));
         let (since, from) = self.last.unwrap_or((world.stamp, world.ego.state.pose.point()));
         let over_m = self.figures.distance_over_line_m.get_or_insert(0.0);
         *over_m += if is_outside { from.distance(world.ego.state.pose.point()) } else { 0.0 };
         let oncoming_s = self.figures.time_in_oncoming_lane_s.get_or_insert(0.0);
         *oncoming_s += if is_left { (world.stamp - since).as_secs() } else { 0.0 };
-        if place.d_m.abs() <= half_m && world.ego.state.speed_mps > STANDS_MPS {
-            self.headway(world, place.s_m, lane);
+        if route.lane().contains(place) && world.ego.state.speed_mps > STANDS_MPS {
+            self.headway(world, place.s_m, route);
         }
     }
 
-    fn headway(&mut self, world: &WorldState, s_m: f64, (route, half_m): (&Route, f64)) {
+    fn headway(&mut self, world: &WorldState, s_m: f64, route: &Route) {
         let gap_m = |actor: &Actor| {
-            let place = lead_place(actor, route, s_m).filter(|place| place.d_m.abs() <= half_m)?;
+            let place = lead_place(actor, route, s_m).filter(|place| route.lane().contains(*place))?;
             Some(place.s_m - s_m - 0.5 * (actor.extent.length_m + self.ego.length_m))
         };
         let Some(gap_m) = world.actors.iter().filter_map(gap_m).reduce(f64::min) else { return };
@@ -183,14 +184,16 @@ mod tests {
     use super::*;
     use crate::verdict::tests::{actor, world};
     use swerve_geom::{Polyline, Pose2, Vector};
+    use swerve_map::Borders;
 
     /// The outline's centre is the origin: the front is 2.5 m ahead of it.
     const EGO: Outline = Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 0.0 };
 
     fn traffic() -> Traffic {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(900.0, 0.0)]).unwrap();
-        let norm = Norm { lane_width_m: Some(4.0), target_speed_mps: Some(10.0) };
-        Traffic::new(EGO, Some(Route::uniform(line, 6.0, 2.0)), norm)
+        let norm = Norm { target_speed_mps: Some(10.0) };
+        let route = Route::uniform(line, 6.0, 2.0).in_lane(Borders::constant(2.0, 2.0));
+        Traffic::new(EGO, Some(route), norm)
     }
 
     fn at(ms: i64, (x_m, y_m): (f64, f64), speed_mps: f64, actors: Vec<Actor>) -> WorldState {

@@ -57,7 +57,7 @@ pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
         strip((0..=n).map(|k| [on(k).x_m, on(k).y_m, OVER_M]).map(point).collect(), colour, 0.12)
     };
     let mut lines = vec![beside(&|s_m| -setup.route.right_m(s_m), WHITE)];
-    lines.extend(setup.lines_m.iter().map(|&d_m| beside(&|_| d_m, GREY)));
+    lines.extend(setup.lines_m.iter().map(|line| beside(&|s_m| line.at(s_m), GREY)));
     lines.push(beside(&|s_m| setup.route.left_m(s_m), WHITE));
     let shape = &setup.shape;
     let extent = Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m };

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_geom::{Ego, Transform};
+use swerve_map::Border;
 use swerve_msg::{ActorNames, Route};
 use swerve_vehicle::Shape;
 
@@ -14,8 +15,8 @@ use crate::cloud::Sensor;
 pub struct Setup {
     /// Route of the ego.
     pub route: Route,
-    /// Lateral offsets of the road's lines within the drivable ground, metres to the left of the route.
-    pub lines_m: Vec<f64>,
+    /// Lines of the road within the drivable ground: metres to the left of the route at each arc length.
+    pub lines_m: Vec<Border>,
     /// Shape of the ego.
     pub shape: Shape,
     /// Time from a command to its effect.

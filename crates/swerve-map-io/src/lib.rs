@@ -1,5 +1,7 @@
 //! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, SUMO, Lanelet2 and CommonRoad.
 //!
+//! [`MapFile`] is a map of any format with the names of its file, for scenarios.
+//!
 //! [`sumo`], [`lanelet2`] and [`commonroad`] make a [`lane_map::LaneMap`] of a file: the [`swerve_map::Map`] with the
 //! names of the file. [`mod@format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
 //! for them.
@@ -36,6 +38,7 @@ mod joints;
 pub mod lane_map;
 pub mod lanelet2;
 pub mod links;
+mod map_file;
 pub mod opendrive;
 pub mod overview;
 pub mod picture;
@@ -49,5 +52,6 @@ pub mod sumo;
 mod testing;
 mod xml;
 
+pub use map_file::MapFile;
 pub use problem::{PROBLEMS_MAX, Problem, Problems};
 pub use xml::FILE_MAX;

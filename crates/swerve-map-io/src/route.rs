@@ -1,5 +1,7 @@
 //! Places in texts, and the output of ways over lanes.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 use swerve_geom::Point2;
 use swerve_map::router::{Step, Stop, Way};
@@ -34,14 +36,24 @@ pub fn stop_on(lanes: &LaneMap, text: &str) -> Result<Stop, String> {
     }
     let (name, s) = text.rsplit_once(':').ok_or_else(form)?;
     let s_m = s.parse::<f64>().map_err(|_| form())?;
-    let lane = lanes.lane_named(name).and_then(|lane| lanes.map.lane(lane));
+    stop_on_named(&lanes.map, &lanes.names, name, s_m)
+}
+
+/// Place on a driving lane of this name.
+pub(crate) fn stop_on_named(
+    map: &Map,
+    names: &BTreeMap<LaneId, String>,
+    name: &str,
+    s_m: f64,
+) -> Result<Stop, String> {
+    let lane = names.iter().find(|(_, other)| *other == name).and_then(|(lane, _)| map.lane(*lane));
     let lane = lane.ok_or_else(|| format!("there is no lane {name:?}"))?;
     let length_m = lane.line.length();
     if lane.kind != LaneKind::Driving {
-        return Err(format!("expected a driving lane, found one of another kind: {text}"));
+        return Err(format!("expected a driving lane, found one of another kind: {name}"));
     }
     if !(0.0..=length_m).contains(&s_m) {
-        return Err(format!("expected a place from 0 to {length_m:.3} m on lane {name}, found {s}"));
+        return Err(format!("expected a place from 0 to {length_m:.3} m on lane {name}, found {s_m}"));
     }
     Ok(Stop { lane: lane.id, s_m })
 }
@@ -61,31 +73,42 @@ pub fn stop(network: &Network, imported: &Imported, text: &str) -> Result<Stop, 
         return Err(form());
     };
     let (Ok(s_m), Ok(lane)) = (s.parse::<f64>(), lane.parse::<i32>()) else { return Err(form()) };
+    stop_on_road(network, (&imported.map, &imported.lanes), (road, lane, s_m))
+}
+
+/// Place on a driving lane at an arc length of its road.
+pub(crate) fn stop_on_road(
+    network: &Network,
+    (map, lanes): (&Map, &[LaneSource]),
+    (road, lane, s_m): (&str, i32, f64),
+) -> Result<Stop, String> {
     let section = network.road(road).map_or(0, |road| road.section_at(s_m));
     let sample = network.sample(road, section, lane, s_m).map_err(|error| error.to_string())?;
     let is = |source: &LaneSource| {
         network.roads[source.road].id == road && source.section == section && source.lane == lane
     };
-    let found = imported.lanes.iter().position(is).map(|k| &imported.map.lanes()[k]);
+    let found = lanes.iter().position(is).map(|k| &map.lanes()[k]);
     let found = found.filter(|lane| lane.kind == LaneKind::Driving).ok_or_else(|| {
         let kind = network.road(road).and_then(|road| road.sections.get(section)?.lane(lane));
-        format!(
-            "expected a driving lane, found one of type {}: {text}",
-            kind.map_or("none", |lane| lane.kind.name())
-        )
+        let kind = kind.map_or("none", |lane| lane.kind.name());
+        format!("expected a driving lane, found one of type {kind}: {road}:{lane}:{s_m}")
     })?;
     let [x, y, _] = sample.position_m;
-    Ok(on_lane(&imported.map, found.id, found.line.project(Point2::new(x, y)).s_m))
+    Ok(on_lane(map, found.id, found.line.project(Point2::new(x, y)).s_m))
 }
 
-fn on_lane(map: &Map, lane: LaneId, s_m: f64) -> Stop {
+/// The place at an arc length of a lane, within its ends.
+pub(crate) fn on_lane(map: &Map, lane: LaneId, s_m: f64) -> Stop {
     let length_m = map.lane(lane).map_or(0.0, |lane| lane.line.length());
     Stop { lane, s_m: s_m.clamp(0.0, length_m) }
 }
 
 /// Name of a lane of a network as `road:section:lane`.
 pub fn lane_name(network: &Network, imported: &Imported, lane: LaneId) -> String {
-    let source = imported.lanes[lane.0 as usize];
+    source_name(network, imported.lanes[lane.0 as usize])
+}
+
+pub(crate) fn source_name(network: &Network, source: LaneSource) -> String {
     format!("{}:{}:{}", network.roads[source.road].id, source.section, source.lane)
 }
 

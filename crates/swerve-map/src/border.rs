@@ -165,6 +165,18 @@ impl Border {
         Self(Form::Linear(stations))
     }
 
+    /// The border with its distances times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        match &self.0 {
+            Form::Constant(distance_m) => Self::constant(factor * distance_m),
+            Form::Linear(stations) => {
+                let scaled = |x: &Station| Station { distance_m: factor * x.distance_m, ..*x };
+                Self(Form::Linear(stations.iter().map(scaled).collect()))
+            }
+        }
+    }
+
     /// Distance just before `s_m`.
     fn before(&self, s_m: f64) -> f64 {
         let stations = self.stations();

@@ -225,6 +225,11 @@ impl Map {
         of_lane(&self.junctions_of, lane).map(|index| &self.features.junctions[index])
     }
 
+    /// Returns true if a lane is inside a junction.
+    pub fn is_in_junction(&self, lane: LaneId) -> bool {
+        self.junctions_of(lane).any(|junction| junction.lanes.binary_search(&lane).is_ok())
+    }
+
     /// Traffic signals, ordered by identity.
     pub fn signals(&self) -> &[Signal] {
         &self.features.signals

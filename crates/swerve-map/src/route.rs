@@ -36,6 +36,9 @@ pub struct Stretch {
     /// Speed limit on it, m/s; `None` if unknown.
     #[serde(default)]
     pub speed_limit_mps: Option<f64>,
+    /// True if the lane is inside a junction.
+    #[serde(default)]
+    pub in_junction: bool,
 }
 
 /// Error of constructing a route from lanes.
@@ -142,6 +145,17 @@ impl Route {
         self.stretches.get(next.max(1) - 1)
     }
 
+    /// Speed at arc length `s_m` from which the ego keeps all speed limits, those ahead with a deceleration of
+    /// `brake_mps2`, m/s; infinite without a limit.
+    pub fn speed_limit_mps(&self, s_m: f64, brake_mps2: f64) -> f64 {
+        let here = self.stretches.partition_point(|x| x.begin_m <= s_m).max(1) - 1;
+        let limits = self.stretches.iter().skip(here).filter_map(|x| Some((x.begin_m, x.speed_limit_mps?)));
+        let before = |(begin_m, limit_mps): (f64, f64)| {
+            (limit_mps * limit_mps + 2.0 * brake_mps2 * (begin_m - s_m).max(0.0)).sqrt()
+        };
+        limits.map(before).fold(f64::INFINITY, f64::min)
+    }
+
     /// Width of the drivable ground to the left of the line at arc length `s_m`, metres (positive).
     pub fn left_m(&self, s_m: f64) -> f64 {
         self.borders.left_m(s_m)
@@ -192,14 +206,15 @@ impl Parts {
 
     /// Adds a whole lane. At joints, the end of the part before replaces the start of the lane.
     fn add_lane(&mut self, map: &Map, lane: &Lane) {
-        self.stretch(lane, 0.0);
+        self.stretch(map, lane, 0.0);
         self.add(&lane.line.points()[1..], lane.line.length(), &drivable(map, lane), &lane.borders);
     }
 
     /// Begins a stretch on `lane` at `ahead_m` into the next part.
-    fn stretch(&mut self, lane: &Lane, ahead_m: f64) {
-        let begin_m = self.length_m + ahead_m;
-        self.stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps: lane.speed_limit_mps });
+    fn stretch(&mut self, map: &Map, lane: &Lane, ahead_m: f64) {
+        let (begin_m, in_junction) = (self.length_m + ahead_m, map.is_in_junction(lane.id));
+        let speed_limit_mps = lane.speed_limit_mps;
+        self.stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps, in_junction });
     }
 
     /// Adds a part with borders relative to its own start.

@@ -24,19 +24,13 @@ pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
 
 fn lights(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let length_m = scenario.road.length_m();
-    for light in &scenario.road.lights {
-        let key = |last: &str| format!("road.light.{}.{last}", light.name);
-        if !(0.0..=length_m).contains(&light.stop_s_m) {
-            let stop_s_m = light.stop_s_m;
+    let lights = scenario.road.lights.iter();
+    for (light, stop_s_m) in lights.filter_map(|light| Some((light, light.stop_s_m?))) {
+        if !(0.0..=length_m).contains(&stop_s_m) {
             found.push((
-                key("stop_s_m"),
+                format!("road.light.{}.stop_s_m", light.name),
                 format!("the stop line at {stop_s_m} m is not on the road, which is {length_m} m long"),
             ));
-        }
-        let cycle_s = light.green_s + light.yellow_s + light.red_s;
-        if light.offset_s >= cycle_s {
-            let message = format!("an offset of {} s is not within the cycle of {cycle_s} s", light.offset_s);
-            found.push((key("offset_s"), message));
         }
     }
 }
@@ -88,7 +82,8 @@ const BESIDE_ENDS_M: f64 = 100.0;
 fn on_the_road(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let length_m = scenario.road.length_m();
     let reach = -BESIDE_ENDS_M..=length_m + BESIDE_ENDS_M;
-    let beyond = scenario.actors.iter().filter(|actor| !reach.contains(&actor.s_m));
+    let by_road = scenario.actors.iter().filter(|actor| actor.line.is_none());
+    let beyond = by_road.filter(|actor| !reach.contains(&actor.s_m));
     for Actor { name, s_m, .. } in beyond.take(PROBLEMS_MAX) {
         let message = format!(
             "starts at {s_m} m: expected a place on the road, 0 to {length_m} m, or at most {BESIDE_ENDS_M} m beyond its ends"

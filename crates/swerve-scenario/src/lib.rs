@@ -18,6 +18,15 @@
 //! right_m = 2.0                                       # ? to the right: half the lane
 //! friction = 0.9                                      # ?
 //!
+//! [map]                                               # in place of [road]
+//! file = "maps/crossing.xodr"                         # OpenDRIVE, Lanelet2, CommonRoad or SUMO; from this file's folder
+//! friction = 0.9                                      # ?
+//!
+//! [[map.light]]                                       # ? phases of signals of the map; the others are off
+//! signals = ["1", "2"]                                # or controller = "north_south"
+//! green_s = 12.0                                      # and yellow_s, red_s and offset_s, as below
+//! red_s = 10.0
+//!
 //! [[road.light]]                                      # ? traffic lights for the ego's lane
 //! name = "crossing"
 //! stop_s_m = 38.0                                     # the stop line
@@ -36,6 +45,12 @@
 //! start_speed_mps = 12.0                              # ? the target speed
 //! end_m = 90.0                                        # the goal along the road
 //!
+//! [ego]                                               # with a map, in place of s_m and end_m
+//! start = { road = "1", lane = -1, s_m = 20.0 }       # or { lane = "name", s_m = 20.0 } or { x_m = 5.0, y_m = -1.8 }
+//! via = [{ road = "2", lane = -1, s_m = 5.0 }]        # ?
+//! goal = { road = "3", lane = -1, s_m = 50.0 }
+//! target_speed_mps = 13.0                             # ? the highest speed limit on the way
+//!
 //! [[actor]]
 //! name = "person"
 //! kind = "pedestrian"                                 # car, truck, motorcycle, cyclist, pedestrian, static
@@ -47,6 +62,8 @@
 //! trigger = { distance = { to = "ego", within_m = 30.0 } }  # ? at the start; or one of
 //! #         { time = { at_s = 2.0 } }
 //! #         { reaches = { who = "ego", s_m = 20.0 } }
+//! start = { road = "4", lane = 1, s_m = 30.0 }        # ? with a map, in place of s_m, which is along the ego's route
+//! goal = { road = "5", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
 //! motion = [                                          # ? legs, one after the other
 //!   { wait = { for_s = 1.0 } },
 //!   { walk = { speed_mps = 3.5, distance_m = 5.5, direction = "right" } },    # left, right, ahead, back
@@ -72,6 +89,7 @@
 mod check;
 mod draw;
 mod expect;
+mod lines;
 mod model;
 mod parse;
 mod road;
@@ -79,10 +97,11 @@ mod set;
 
 pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
+pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill,
     Subject, Trigger,
 };
-pub use road::{KERB_M, PAVEMENT_M, Road, Segment, TrafficLight};
+pub use road::{Course, Cycle, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
 pub use swerve_msg::truth::Verdict;

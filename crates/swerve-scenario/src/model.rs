@@ -1,6 +1,5 @@
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
@@ -8,7 +7,7 @@ use swerve_vehicle::Shape;
 use crate::{Expectation, Road, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Scenario {
     /// Short name, as used in file names.
     pub name: String,
@@ -27,12 +26,11 @@ pub struct Scenario {
     /// Variations applied by a seed; `None` for the scenario as written.
     pub draws: Option<Draws>,
     /// Text that it was read from, for processes that parse it again.
-    #[serde(skip)]
     pub text: Arc<str>,
 }
 
 /// Start and goal of the ego.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct EgoStart {
     /// Start position of the centre of its outline along the road, metres.
     pub s_m: f64,
@@ -56,7 +54,7 @@ impl EgoStart {
 }
 
 /// End conditions of the run beside the goal.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End {
     /// Time after which the run ends with a timeout, seconds.
     pub timeout_s: f64,
@@ -67,7 +65,7 @@ pub struct End {
 }
 
 /// End condition: the ego has been at standstill near an actor for some time.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Standstill {
     /// Actor that the ego must be near; `None`: anywhere.
     pub near: Option<ActorId>,
@@ -78,7 +76,7 @@ pub struct Standstill {
 }
 
 /// Another road user, or an object on or beside the road.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Actor {
     /// Identity in the run.
     pub id: ActorId,
@@ -90,11 +88,13 @@ pub struct Actor {
     pub extent: Extent,
     /// Mass, kg; used in collisions.
     pub mass_kg: f64,
-    /// Start position of the centre of its footprint along the road, metres.
+    /// Line that it is placed by and drives along, on a map; `None`: the line of the ego's lanes.
+    pub line: Option<Arc<Polyline>>,
+    /// Start position of the centre of its footprint along the line, metres.
     pub s_m: f64,
-    /// Start position across the road, metres; positive to the left of the lane's centre.
+    /// Start position across the line, metres; positive to the left.
     pub d_m: f64,
-    /// Start heading relative to the road, radians.
+    /// Start heading relative to the line, radians.
     pub heading_rad: f64,
     /// Event that starts its motion; it is at rest before. `None`: the start of the run.
     pub trigger: Option<Trigger>,
@@ -103,8 +103,7 @@ pub struct Actor {
 }
 
 /// The ego or an actor.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Subject {
     /// The ego vehicle.
     Ego,
@@ -113,8 +112,7 @@ pub enum Subject {
 }
 
 /// Event that starts an actor's motion; evaluated at every step of the world, on the state of that step.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Trigger {
     /// The distance between its centre and that of `to` is at most `within_m` metres.
     Distance {
@@ -138,8 +136,7 @@ pub enum Trigger {
 }
 
 /// One leg of scripted motion.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, PartialEq, Debug)]
 pub enum Motion {
     /// Remain at rest.
     Wait {
@@ -174,8 +171,7 @@ pub enum Motion {
 }
 
 /// A direction relative to the road.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Direction {
     /// Across the road, to the left (+d).
     Left,
@@ -188,8 +184,7 @@ pub enum Direction {
 }
 
 /// Course of a [`Motion::Drive`] leg.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Along {
     /// The road, at constant distance from its line; in the opposite direction if the actor's heading is.
     Road,
@@ -198,7 +193,7 @@ pub enum Along {
 }
 
 /// A point of a speed profile.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SpeedPoint {
     /// Seconds since the leg began.
     pub at_s: f64,
@@ -207,7 +202,7 @@ pub struct SpeedPoint {
 }
 
 /// A position relative to the road.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct RoadPlace {
     /// Position along the road, metres.
     pub s_m: f64,
@@ -216,7 +211,7 @@ pub struct RoadPlace {
 }
 
 /// Random changes to a scenario.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Draws {
     /// Seed of the draws.
     pub seed: u64,
@@ -269,9 +264,14 @@ impl Scenario {
 }
 
 impl Actor {
-    /// Pose of its centre at the start of the run.
-    pub fn pose(&self, line: &Polyline) -> Pose2 {
-        on_road(line, self.s_m, self.d_m, self.heading_rad)
+    /// Line that it is placed by, given that of the road.
+    pub fn line<'a>(&'a self, road: &'a Polyline) -> &'a Polyline {
+        self.line.as_deref().unwrap_or(road)
+    }
+
+    /// Pose of its centre at the start of the run, given the line of the road.
+    pub fn pose(&self, road: &Polyline) -> Pose2 {
+        on_road(self.line(road), self.s_m, self.d_m, self.heading_rad)
     }
 
     /// Returns true if its body is an upright cylinder (of diameter `extent.width_m`) rather than a box.

@@ -2,14 +2,17 @@
 
 mod actor;
 mod expect;
+mod map;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use swerve_geom::Pose2;
 use swerve_msg::ActorId;
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
-use crate::{EgoStart, End, Road, Scenario, Segment, Standstill, TrafficLight, check};
+use crate::model::on_road;
+use crate::{Course, Cycle, EgoStart, End, Road, Scenario, Segment, Standstill, Strip, TrafficLight, check};
 
 /// Positions along and across the road, metres.
 const PLACE: Range = Range::between(-100_000.0, 100_000.0);
@@ -32,12 +35,12 @@ const ANGLE: Range = Range::between(-6.3, 6.3);
 const ACTORS_MAX: usize = 20_000;
 
 impl Scenario {
-    /// Parses the text of a scenario file; `file` is only used in problems.
+    /// Parses the text of a scenario file; `file` is used in problems, and a map is read from its folder.
     ///
     /// # Errors
     /// All problems of the text, in the order of their lines.
     pub fn parse(file: &str, text: &str) -> Result<Self, Problems> {
-        scenario(&Document::parse(file, text)?)
+        scenario(&Document::parse(file, text)?, None)
     }
 
     /// Reads a scenario file.
@@ -45,14 +48,14 @@ impl Scenario {
     /// # Errors
     /// One problem if the file cannot be read, else as [`parse`](Self::parse).
     pub fn read(path: &std::path::Path) -> Result<Self, Problems> {
-        scenario(&Document::read(path)?)
+        scenario(&Document::read(path)?, None)
     }
 }
 
-/// Reads and checks a whole document.
-pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
+/// Reads and checks a whole document, given the text of its map, or else with the one in the folder of its file.
+pub(crate) fn scenario(document: &Document, map: Option<&Arc<str>>) -> Result<Scenario, Problems> {
     let reading = Reading::of(document);
-    let scenario = Scenario { text: document.text.clone(), ..read(&reading.top(&document.table)) };
+    let scenario = Scenario { text: document.text.clone(), ..read(&reading.top(&document.table), map) };
     reading.into_problems().or(scenario)
 }
 
@@ -71,15 +74,17 @@ fn is_description(text: &str) -> bool {
     !text.trim().is_empty() && !text.contains(|c: char| c.is_control() && !"\n\r\t".contains(c))
 }
 
-fn read(top: &TableReader<'_>) -> Scenario {
+fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     let name = if top.has("name") {
         top.text_like("name", NAME, is_name).unwrap_or_default()
     } else {
         top.text("name")
     };
     let description = top.paragraph_like("description", DESCRIPTION, is_description).unwrap_or_default();
-    let road = road(top);
-    let ego = ego(top);
+    let (road, ego, map) = match top.has("map") {
+        true => on_map(top, map),
+        false => (road(top), ego(top), None),
+    };
     let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
     if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
         top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
@@ -88,7 +93,10 @@ fn read(top: &TableReader<'_>) -> Scenario {
     let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
     unique(&tables, &names);
     let actors = tables.iter().zip(&names);
-    let actors = (1..).zip(actors).map(|(k, (table, name))| actor::read(table, ActorId(k), name, &names));
+    let actors = (1..).zip(actors).map(|(k, (table, name))| {
+        let told = actor::Told { id: ActorId(k), name, names: &names, map: map.as_ref() };
+        actor::read(table, told)
+    });
     let actors = actors.collect();
     let end = end(top, &names);
     let sound = top.reading().guesses() == 0;
@@ -104,78 +112,125 @@ fn read(top: &TableReader<'_>) -> Scenario {
     scenario
 }
 
-fn road(top: &TableReader<'_>) -> Road {
-    let mut road = Road {
-        segments: Vec::new(),
-        lane_width_m: 4.0,
-        left_m: 2.0,
-        right_m: 2.0,
-        friction: 0.9,
-        lights: Vec::new(),
+/// Road and ego of a scenario on a map; placeholders after a problem.
+fn on_map(top: &TableReader<'_>, text: Option<&Arc<str>>) -> (Road, EgoStart, Option<map::Loaded>) {
+    if top.has("road") {
+        top.report("road", "expected only one of `map` and `road`");
+        top.table_if_any("road");
+        top.reading().guess();
+    }
+    let loaded = map::read(top, text);
+    let table = top.table("ego");
+    let course = loaded.as_ref().zip(table.as_ref()).and_then(|(map, table)| map.course(table, true));
+    let (Some(loaded), Some(table), Some(course)) = (loaded, table, course) else {
+        top.reading().guess();
+        let strip = Strip { segments: vec![NO_SEGMENT], lane_width_m: 4.0, left_m: 2.0, right_m: 2.0 };
+        let road = Road { course: Course::Strip(strip), friction: 0.9, lights: Vec::new() };
+        return (road, NO_START, None);
     };
+    let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
+    let target_mps = table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
+    if target_mps.is_none() {
+        table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
+    }
+    let ego = EgoStart {
+        s_m: course.start_m,
+        d_m: table.number_or("d_m", 0.0, PLACE),
+        heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
+        target_speed_mps: target_mps.unwrap_or(0.0),
+        start_speed_mps: table.number_if_any("start_speed_mps", SPEED),
+        end_m: course.goal_m,
+    };
+    table.finish();
+    let lights = loaded.lights(&course.route);
+    let friction = loaded.friction;
+    let on = loaded.on(course.route);
+    let road = Road { course: Course::Map(Arc::new(on)), friction, lights };
+    (road, ego, Some(loaded))
+}
+
+fn road(top: &TableReader<'_>) -> Road {
+    let strip = Strip { segments: Vec::new(), lane_width_m: 4.0, left_m: 2.0, right_m: 2.0 };
+    let mut road = Road { course: Course::Strip(strip.clone()), friction: 0.9, lights: Vec::new() };
     let Some(table) = top.table("road") else { return road };
-    road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::between(0.1, 20.0));
-    road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::between(0.05, 100.0));
-    road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::between(0.05, 100.0));
+    let mut strip = strip;
+    strip.lane_width_m = table.number_or("lane_width_m", strip.lane_width_m, Range::between(0.1, 20.0));
+    strip.left_m = table.number_or("left_m", 0.5 * strip.lane_width_m, Range::between(0.05, 100.0));
+    strip.right_m = table.number_or("right_m", 0.5 * strip.lane_width_m, Range::between(0.05, 100.0));
     road.friction = table.number_or("friction", road.friction, Range::between(0.01, 4.0));
     for segment in table.tables("segments", |_| None) {
         // Zero is accepted here: a road without length is reported as one problem.
         let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));
         let curvature_1pm = segment.number_or("curvature_1pm", 0.0, Range::between(-0.2, 0.2));
         segment.finish();
-        road.segments.push(Segment { length_m, curvature_1pm });
+        strip.segments.push(Segment { length_m, curvature_1pm });
     }
-    road.lights = lights(&table, road.right_m);
+    let has_length = strip.is_line();
+    road.lights = lights(&table, &strip);
     if !table.has("segments") {
         table.report("segments", "is missing: expected an array of { length_m, curvature_1pm }");
-    } else if !road.is_line() {
+    } else if !has_length {
         table
             .report("segments", "the route has no length: expected at least one piece with length_m above 0");
     }
     table.finish();
-    if road.length_m() == 0.0 {
-        road.segments.push(Segment { length_m: 0.0, curvature_1pm: 0.0 });
+    if strip.length_m() == 0.0 {
+        strip.segments.push(NO_SEGMENT);
     }
+    road.course = Course::Strip(strip);
     road
 }
 
-/// Traffic lights of a road that is drivable up to `right_m` to the right of the lane's centre.
-fn lights(road: &TableReader<'_>, right_m: f64) -> Vec<TrafficLight> {
-    let tables = road.tables("light", |light| light.text_if_any("name"));
+/// Traffic lights of a road.
+fn lights(table: &TableReader<'_>, strip: &Strip) -> Vec<TrafficLight> {
+    let tables = table.tables("light", |light| light.text_if_any("name"));
     let names: Vec<String> = tables.iter().map(|light| light.text("name")).collect();
+    let line = strip.is_line().then(|| strip.line());
     let mut seen = BTreeSet::new();
     let read = |(table, name): (&TableReader<'_>, &String)| {
         if !name.is_empty() && !seen.insert(name.clone()) {
             table.report("name", format!("another light is named \"{name}\" already"));
         }
         let stop_s_m = table.number("stop_s_m", PLACE);
-        let light = TrafficLight {
-            name: name.clone(),
-            s_m: table.number_or("s_m", stop_s_m + LIGHT_BEHIND_STOP_M, PLACE),
-            d_m: table.number_or("d_m", -(right_m + LIGHT_BESIDE_ROAD_M), PLACE),
-            stop_s_m,
-            green_s: table.number("green_s", DURATION),
-            yellow_s: table.number_or("yellow_s", 3.0, Range::between(0.0, 3_600.0)),
-            red_s: table.number("red_s", DURATION),
-            offset_s: table.number_or("offset_s", 0.0, Range::between(0.0, 86_400.0)),
-        };
+        let s_m = table.number_or("s_m", stop_s_m + LIGHT_BEHIND_STOP_M, PLACE);
+        let d_m = table.number_or("d_m", -(strip.right_m + LIGHT_BESIDE_ROAD_M), PLACE);
+        let pose = line.as_ref().map_or(Pose2::new(0.0, 0.0, 0.0), |line| on_road(line, s_m, d_m, 0.0));
+        let light = TrafficLight { name: name.clone(), pose, stop_s_m: Some(stop_s_m), cycle: cycle(table) };
         table.finish();
         light
     };
     tables.iter().zip(&names).map(read).collect()
 }
 
-fn ego(top: &TableReader<'_>) -> EgoStart {
-    let Some(table) = top.table("ego") else {
-        return EgoStart {
-            s_m: 0.0,
-            d_m: 0.0,
-            heading_rad: 0.0,
-            target_speed_mps: 0.0,
-            start_speed_mps: None,
-            end_m: 0.0,
-        };
+/// Durations of the signals of a light.
+fn cycle(table: &TableReader<'_>) -> Cycle {
+    let guesses = table.reading().guesses();
+    let cycle = Cycle {
+        green_s: table.number("green_s", DURATION),
+        yellow_s: table.number_or("yellow_s", 3.0, Range::between(0.0, 3_600.0)),
+        red_s: table.number("red_s", DURATION),
+        offset_s: table.number_or("offset_s", 0.0, Range::between(0.0, 86_400.0)),
     };
+    let (cycle_s, offset_s) = (cycle.green_s + cycle.yellow_s + cycle.red_s, cycle.offset_s);
+    if table.reading().guesses() == guesses && offset_s >= cycle_s {
+        table.report("offset_s", format!("an offset of {offset_s} s is not within the cycle of {cycle_s} s"));
+    }
+    cycle
+}
+
+/// Values after a problem.
+const NO_SEGMENT: Segment = Segment { length_m: 0.0, curvature_1pm: 0.0 };
+const NO_START: EgoStart = EgoStart {
+    s_m: 0.0,
+    d_m: 0.0,
+    heading_rad: 0.0,
+    target_speed_mps: 0.0,
+    start_speed_mps: None,
+    end_m: 0.0,
+};
+
+fn ego(top: &TableReader<'_>) -> EgoStart {
+    let Some(table) = top.table("ego") else { return NO_START };
     let ego = EgoStart {
         s_m: table.number_or("s_m", 0.0, PLACE),
         d_m: table.number_or("d_m", 0.0, PLACE),

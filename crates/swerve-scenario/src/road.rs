@@ -1,12 +1,35 @@
-use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
 use swerve_core::{Span, Time};
-use swerve_geom::{FrenetPoint, Point2, Polyline, math};
+use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, math};
 use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour};
-use swerve_msg::{RoadLine, Route, Signal};
+use swerve_msg::{Route, Side, Signal};
+
+use crate::RoadLines;
+
+/// Ground of a scenario, and the ego's way over it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Road {
+    /// The lanes.
+    pub course: Course,
+    /// Friction coefficient of the surface.
+    pub friction: f64,
+    /// Traffic lights, in file order, or by identity in the map.
+    pub lights: Vec<TrafficLight>,
+}
+
+/// Lanes of a scenario.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Course {
+    /// A road without junctions, described in the scenario.
+    Strip(Strip),
+    /// A map from a file.
+    Map(Arc<MapCourse>),
+}
 
 /// A road as a chain of straight and circular segments from the map's origin, heading along +x.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Road {
+#[derive(Clone, PartialEq, Debug)]
+pub struct Strip {
     /// Segments of the centre line of the ego's lane. Never empty.
     pub segments: Vec<Segment>,
     /// Width of the ego's lane, metres.
@@ -15,15 +38,10 @@ pub struct Road {
     pub left_m: f64,
     /// Width of the drivable ground to the right of the lane's centre, metres (positive).
     pub right_m: f64,
-    /// Friction coefficient of the surface.
-    pub friction: f64,
-    /// Traffic lights for the ego's lane, in file order.
-    #[serde(default)]
-    pub lights: Vec<TrafficLight>,
 }
 
 /// One segment of the road.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Segment {
     /// Length, metres.
     pub length_m: f64,
@@ -31,24 +49,29 @@ pub struct Segment {
     pub curvature_1pm: f64,
 }
 
-/// A traffic light with a stop line. It cycles through green, yellow and red.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+/// A traffic light. It cycles through green, yellow and red.
+#[derive(Clone, PartialEq, Debug)]
 pub struct TrafficLight {
     /// Unique name.
     pub name: String,
-    /// Position along the road, metres.
-    pub s_m: f64,
-    /// Position across the road, metres; positive to the left of the lane's centre.
-    pub d_m: f64,
-    /// Position of its stop line along the road, metres; the line spans the drivable ground.
-    pub stop_s_m: f64,
+    /// Position of its mast, and the direction of the traffic that it is for.
+    pub pose: Pose2,
+    /// Position of its stop line along the ego's route, metres; `None` if it is for other traffic.
+    pub stop_s_m: Option<f64>,
+    /// Durations of its signals.
+    pub cycle: Cycle,
+}
+
+/// Durations of the signals of a traffic light.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Cycle {
     /// Duration of green, seconds.
     pub green_s: f64,
     /// Duration of yellow, seconds.
     pub yellow_s: f64,
     /// Duration of red, seconds.
     pub red_s: f64,
-    /// Time into its cycle, which begins with green, at the start of the run, seconds.
+    /// Time into the cycle, which begins with green, at the start of the run, seconds.
     pub offset_s: f64,
 }
 
@@ -60,10 +83,11 @@ impl TrafficLight {
 
     /// Signal at `instant`, and the time since it changed.
     pub fn phase(&self, instant: Time) -> (Signal, Span) {
-        let [green, yellow, red] = [self.green_s, self.yellow_s, self.red_s].map(|s| Span::from_secs(s).ns());
+        let Cycle { green_s, yellow_s, red_s, offset_s } = self.cycle;
+        let [green, yellow, red] = [green_s, yellow_s, red_s].map(|s| Span::from_secs(s).ns());
         // A checked light has a cycle; an unchecked one without durations stays red.
         let cycle = (green + yellow + red).max(1);
-        let into = (instant.ns() + Span::from_secs(self.offset_s).ns()).rem_euclid(cycle);
+        let into = (instant.ns() + Span::from_secs(offset_s).ns()).rem_euclid(cycle);
         let (signal, since) = match into {
             t if t < green => (Signal::Green, t),
             t if t < green + yellow => (Signal::Yellow, t - green),
@@ -71,6 +95,19 @@ impl TrafficLight {
         };
         (signal, Span::from_ns(since))
     }
+}
+
+/// A map, and the ego's route over it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct MapCourse {
+    /// File as named in the scenario.
+    pub file: String,
+    /// Text of the file.
+    pub text: Arc<str>,
+    /// The map.
+    pub map: Arc<Map>,
+    /// Route from the start to the goal and beyond.
+    pub route: Route,
 }
 
 /// Height of the pavements on both sides of the drivable ground, metres.
@@ -81,12 +118,99 @@ const KERBSTONE_M: f64 = 0.16;
 pub const PAVEMENT_M: f64 = 2.5;
 
 /// Borders nearer to each other than this are merged to one line, metres.
-const ONE_LINE_M: f64 = 0.05;
+pub(crate) const ONE_LINE_M: f64 = 0.05;
 
 /// Point spacing on curved roads, metres: at 20 m radius the chords are within 6 mm of the arc.
 const STEP_M: f64 = 1.0;
 
 impl Road {
+    /// The road that is described in the scenario; `None` for a map.
+    pub fn strip(&self) -> Option<&Strip> {
+        match &self.course {
+            Course::Strip(strip) => Some(strip),
+            Course::Map(_) => None,
+        }
+    }
+
+    /// Text of the map file; `None` without one.
+    pub fn map_text(&self) -> Option<&Arc<str>> {
+        match &self.course {
+            Course::Strip(_) => None,
+            Course::Map(course) => Some(&course.text),
+        }
+    }
+
+    /// Length of the line, metres.
+    pub fn length_m(&self) -> f64 {
+        match &self.course {
+            Course::Strip(strip) => strip.length_m(),
+            Course::Map(course) => course.route.line().length(),
+        }
+    }
+
+    /// Line along which places of the scenario are given: the centre line of the ego's lanes. Of a [`Strip`]: two points
+    /// if it is straight, else points on the arcs, at most 1 m apart.
+    ///
+    /// # Panics
+    /// If the road has no length, which a checked scenario excludes.
+    pub fn line(&self) -> Polyline {
+        match &self.course {
+            Course::Strip(strip) => strip.line(),
+            Course::Map(course) => course.route.line().clone(),
+        }
+    }
+
+    /// Returns true if its segments form a line: they have a length, and do not all end where they began.
+    pub(crate) fn is_line(&self) -> bool {
+        self.strip().is_none_or(Strip::is_line)
+    }
+
+    /// Height of the ground at `d_m` to the left of the line, metres. The drivable ground and the ground behind the
+    /// pavements are in the map plane.
+    pub fn ground_m(&self, d_m: f64) -> f64 {
+        self.strip().map_or(0.0, |strip| strip.ground_m(d_m))
+    }
+
+    /// Route of the ego, with the drivable limits of the scenario.
+    ///
+    /// # Panics
+    /// As [`line`](Self::line).
+    pub fn route(&self) -> Route {
+        match &self.course {
+            Course::Strip(strip) => strip.route(),
+            Course::Map(course) => course.route.clone(),
+        }
+    }
+
+    /// All lanes.
+    ///
+    /// # Panics
+    /// As [`line`](Self::line).
+    pub fn map(&self) -> Arc<Map> {
+        match &self.course {
+            Course::Strip(strip) => Arc::new(strip.map()),
+            Course::Map(course) => Arc::clone(&course.map),
+        }
+    }
+
+    /// Lines painted along the ego's route.
+    ///
+    /// # Panics
+    /// As [`line`](Self::line).
+    pub fn lines(&self) -> RoadLines {
+        RoadLines::of(&self.route())
+    }
+
+    /// Width of the ego's lane at a position along the line, metres.
+    pub fn lane_width_m(&self, s_m: f64) -> f64 {
+        match &self.course {
+            Course::Strip(strip) => strip.lane_width_m,
+            Course::Map(course) => course.route.lane().left_m(s_m) + course.route.lane().right_m(s_m),
+        }
+    }
+}
+
+impl Strip {
     /// Length of the centre line, metres.
     pub fn length_m(&self) -> f64 {
         self.segments.iter().map(|s| s.length_m).sum()
@@ -100,7 +224,7 @@ impl Road {
         Polyline::new(&self.points()).expect("a checked road has a length")
     }
 
-    /// Returns true if its segments form a line: they have a length, and do not all end where they began.
+    /// Returns true if its segments form a line.
     pub(crate) fn is_line(&self) -> bool {
         Polyline::new(&self.points()).is_ok()
     }
@@ -123,43 +247,23 @@ impl Road {
         points
     }
 
-    /// Height of the ground at `d_m` to the left of the lane's centre, metres. The drivable ground and the ground
-    /// behind the pavements are in the map plane.
-    pub fn ground_m(&self, d_m: f64) -> f64 {
+    fn ground_m(&self, d_m: f64) -> f64 {
         let beyond_m = (d_m - self.left_m).max(-self.right_m - d_m);
         let is_paved = beyond_m > 0.0 && beyond_m < KERBSTONE_M + PAVEMENT_M;
         if is_paved { KERB_M * (beyond_m / KERBSTONE_M).min(1.0) } else { 0.0 }
     }
 
-    /// Road lines and their offsets to the left of the lane's centre, metres, from right to left: the edges of the
-    /// drivable ground, and the borders of the ego's lane if the ground extends beyond them.
-    pub fn lines(&self) -> Vec<(RoadLine, f64)> {
-        let half_m = 0.5 * self.lane_width_m;
-        let mut lines = vec![(RoadLine::RightEdge, -self.right_m)];
-        if half_m < self.right_m - ONE_LINE_M {
-            lines.push((RoadLine::LaneRight, -half_m));
-        }
-        if half_m < self.left_m - ONE_LINE_M {
-            lines.push((RoadLine::LaneLeft, half_m));
-        }
-        lines.push((RoadLine::LeftEdge, self.left_m));
-        lines
-    }
-
-    /// Route along the ego's lane, with the drivable limits of the scenario.
-    ///
-    /// # Panics
-    /// As [`line`](Self::line).
-    pub fn route(&self) -> Route {
+    fn route(&self) -> Route {
         let half_m = 0.5 * self.lane_width_m;
         let lane = Borders::constant(half_m.min(self.left_m), half_m.min(self.right_m));
         Route::uniform(self.line(), self.left_m, self.right_m).in_lane(lane)
     }
 
-    /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width and
-    /// direction up to the edge of the drivable ground; a remainder narrower than a lane is a shoulder.
+    /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width up to the
+    /// edge of the drivable ground; a remainder narrower than a lane is a shoulder. Lanes to the left are for oncoming
+    /// traffic.
     ///
-    /// The route along the ego's lane over this map equals [`route`](Self::route) except for rounding of its borders.
+    /// The route along the ego's lane over this map equals [`Road::route`] except for rounding of its borders.
     ///
     /// # Panics
     /// As [`line`](Self::line).
@@ -168,8 +272,8 @@ impl Road {
         let line = self.line();
         let own = Borders::constant(half_m.min(self.left_m), half_m.min(self.right_m));
         let mut lanes = vec![Lane::new(Self::EGO_LANE, line.clone(), own)];
-        for (sign, limit_m) in [(1.0, self.left_m), (-1.0, self.right_m)] {
-            self.add_lanes_beside(&mut lanes, &line, sign, limit_m);
+        for (side, limit_m) in [(Side::Left, self.left_m), (Side::Right, self.right_m)] {
+            self.add_lanes_beside(&mut lanes, &line, side, limit_m);
         }
         Map::new(lanes).expect("lanes side by side fit together")
     }
@@ -178,27 +282,38 @@ impl Road {
     pub const EGO_LANE: LaneId = LaneId(1);
 
     /// Adds the lanes on one side of the first, outwards up to `limit_m` from its centre.
-    fn add_lanes_beside(&self, lanes: &mut Vec<Lane>, line: &Polyline, sign: f64, limit_m: f64) {
-        let (mut inner_m, mut inside) = (0.5 * self.lane_width_m, 0);
+    fn add_lanes_beside(&self, lanes: &mut Vec<Lane>, line: &Polyline, side: Side, limit_m: f64) {
+        let (mut inner_m, mut inside, mut oncoming) = (0.5 * self.lane_width_m, 0, false);
         while inner_m < limit_m - ONE_LINE_M {
             let is_lane = limit_m - inner_m > self.lane_width_m - ONE_LINE_M;
             let outer_m = if is_lane { (inner_m + self.lane_width_m).min(limit_m) } else { limit_m };
             let half_m = 0.5 * (outer_m - inner_m);
+            let sign = if side == Side::Left { 1.0 } else { -1.0 };
             let Some(line) = beside(line, sign * (inner_m + half_m)) else { break };
-            let id = LaneId(lanes.len() as u32 + 1);
+            let turns = is_lane && side == Side::Left && !oncoming;
+            oncoming |= turns;
+            let line = if oncoming { reversed(&line) } else { Some(line) };
+            let (Some(line), id) = (line, LaneId(lanes.len() as u32 + 1)) else { break };
             let kind = if is_lane { LaneKind::Driving } else { LaneKind::Shoulder };
             let mut lane = Lane { kind, ..Lane::new(id, line, Borders::constant(half_m, half_m)) };
-            let same_way = |lane| Some(Neighbour { lane, opposite: false });
+            let beside = |lane| Some(Neighbour { lane, opposite: turns });
             let inner = &mut lanes[inside];
-            if sign > 0.0 {
-                (inner.left, lane.right) = (same_way(id), same_way(inner.id));
-            } else {
-                (inner.right, lane.left) = (same_way(id), same_way(inner.id));
-            }
+            // Outwards from an oncoming lane is to its right.
+            let (outwards, inwards) = match side {
+                Side::Left if turns => (&mut inner.left, &mut lane.left),
+                Side::Left if !oncoming => (&mut inner.left, &mut lane.right),
+                Side::Left | Side::Right => (&mut inner.right, &mut lane.left),
+            };
+            (*outwards, *inwards) = (beside(id), beside(inner.id));
             (inner_m, inside) = (outer_m, lanes.len());
             lanes.push(lane);
         }
     }
+}
+
+/// The line in the other direction.
+fn reversed(line: &Polyline) -> Option<Polyline> {
+    Polyline::new(&line.points().iter().rev().copied().collect::<Vec<_>>()).ok()
 }
 
 /// Parallel line `d_m` to the left of a line; `None` if a bend is too tight for it.
@@ -227,22 +342,10 @@ fn arc(from: Point2, heading_rad: f64, curvature_1pm: f64, s_m: f64) -> Point2 {
 mod tests {
     use super::*;
 
-    fn road(segments: &[(f64, f64)]) -> Road {
+    fn road(segments: &[(f64, f64)]) -> Strip {
         let segments =
             segments.iter().map(|&(length_m, curvature_1pm)| Segment { length_m, curvature_1pm }).collect();
-        Road { segments, lane_width_m: 4.0, left_m: 6.0, right_m: 2.0, friction: 0.9, lights: Vec::new() }
-    }
-
-    #[test]
-    fn road_lines_are_the_edges_and_the_lane_borders_between_them() {
-        let mut road = road(&[(100.0, 0.0)]);
-        let (right, lane_left, left) = (RoadLine::RightEdge, RoadLine::LaneLeft, RoadLine::LeftEdge);
-        assert_eq!(road.lines(), [(right, -2.0), (lane_left, 2.0), (left, 6.0)]);
-        (road.left_m, road.right_m) = (2.0, 3.0);
-        assert_eq!(road.lines(), [(right, -3.0), (RoadLine::LaneRight, -2.0), (left, 2.0)]);
-        // A lane wider than the drivable ground has no border within it.
-        road.lane_width_m = 8.0;
-        assert_eq!(road.lines(), [(right, -3.0), (left, 2.0)]);
+        Strip { segments, lane_width_m: 4.0, left_m: 6.0, right_m: 2.0 }
     }
 
     #[test]
@@ -272,8 +375,8 @@ mod tests {
     #[test]
     fn route_agrees_with_that_over_the_map() {
         for (left_m, right_m) in [(6.0, 2.0), (5.3, 3.7), (1.5, 2.0), (9.1, 12.7)] {
-            let road = Road { left_m, right_m, ..road(&[(40.0, 0.0), (60.0, 0.01)]) };
-            let (stated, over_map) = (road.route(), Route::along(&road.map(), &[Road::EGO_LANE]).unwrap());
+            let road = Strip { left_m, right_m, ..road(&[(40.0, 0.0), (60.0, 0.01)]) };
+            let (stated, over_map) = (road.route(), Route::along(&road.map(), &[Strip::EGO_LANE]).unwrap());
             assert_eq!(stated.line(), over_map.line());
             for s_m in [0.0, 50.0, 99.0] {
                 assert!((stated.left_m(s_m) - over_map.left_m(s_m)).abs() < 1e-12);
@@ -291,14 +394,11 @@ mod tests {
     fn traffic_light_cycles_through_its_signals_to_the_nanosecond() {
         let light = TrafficLight {
             name: "light".into(),
-            s_m: 50.0,
-            d_m: -3.0,
-            stop_s_m: 48.0,
-            green_s: 10.0,
-            yellow_s: 3.0,
-            red_s: 7.0,
-            offset_s: 0.0,
+            pose: Pose2::new(50.0, -3.0, 0.0),
+            stop_s_m: Some(48.0),
+            cycle: Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 7.0, offset_s: 0.0 },
         };
+        let with = |cycle: Cycle| TrafficLight { cycle, ..light.clone() };
         let at = |light: &TrafficLight, s: f64, ns: i64| {
             light.signal(Time::ZERO + Span::from_secs(s) + Span::from_ns(ns))
         };
@@ -310,10 +410,10 @@ mod tests {
             assert_eq!((at(&light, s + 20.0, -1), at(&light, s + 20.0, 0)), (Signal::Red, Signal::Green));
         }
         assert_eq!(light.phase(Time::from_ms(15_500)), (Signal::Red, Span::from_ms(2500)));
-        let late = TrafficLight { offset_s: 12.0, ..light.clone() };
+        let late = with(Cycle { offset_s: 12.0, ..light.cycle });
         assert_eq!(late.phase(Time::ZERO), (Signal::Yellow, Span::from_ms(2000)));
         assert_eq!(late.phase(Time::from_ms(1000)), (Signal::Red, Span::ZERO));
-        let no_yellow = TrafficLight { yellow_s: 0.0, ..light };
+        let no_yellow = with(Cycle { yellow_s: 0.0, ..light.cycle });
         assert_eq!((at(&no_yellow, 10.0, -1), at(&no_yellow, 10.0, 0)), (Signal::Green, Signal::Red));
     }
 

@@ -1,5 +1,7 @@
 //! Assignments to single keys of a scenario: `--set actor.person.speed_mps=4`, or an axis of a study.
 
+use std::sync::Arc;
+
 use swerve_text::{Document, Problem, Problems, did_you_mean, list, nearest};
 use toml::{Table, Value};
 
@@ -16,7 +18,7 @@ pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
 /// Returns true if a key belongs to the scenario rather than the configuration: it is in a table that only scenarios
 /// have, or is `scenario.KEY`.
 pub fn is_scenario_key(key: &str) -> bool {
-    matches!(key.split('.').next(), Some("actor" | "end" | "expect" | "road" | "scenario"))
+    matches!(key.split('.').next(), Some("actor" | "end" | "expect" | "map" | "road" | "scenario"))
 }
 
 impl Scenario {
@@ -31,8 +33,16 @@ impl Scenario {
     /// # Errors
     /// All problems of the text; if there are none, those of the assigned keys.
     pub fn parse_with(file: &str, text: &str, sets: &[Set]) -> Result<Self, Problems> {
+        Self::parse_on(file, text, None, sets)
+    }
+
+    /// As [`parse_with`](Self::parse_with), with the text of the map, if it is not in the folder of the file.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn parse_on(file: &str, text: &str, map: Option<&Arc<str>>, sets: &[Set]) -> Result<Self, Problems> {
         let document = Document::parse(file, text)?;
-        let plain = crate::parse::scenario(&document)?;
+        let plain = crate::parse::scenario(&document, map)?;
         if sets.is_empty() {
             return Ok(plain);
         }
@@ -43,7 +53,7 @@ impl Scenario {
             places.push((place, key.as_str()));
         }
         let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
-        crate::parse::scenario(&Document::parse(file, text)?).map_err(|problems| {
+        crate::parse::scenario(&Document::parse(file, text)?, map).map_err(|problems| {
             let told = problems.iter().map(|problem| {
                 let is_of = |(place, _): &&(String, &str)| {
                     problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
@@ -190,6 +200,7 @@ fn within(table: &Table, name: &str, path: &mut Vec<String>, found: &mut Vec<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Course;
 
     const TEXT: &str = r#"
         name = "two"
@@ -230,7 +241,10 @@ mod tests {
             ("scenario.actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
             ("scenario.road.friction=0.5", |s| s.road.friction = 0.5),
             ("scenario.end.timeout_s=3", |s| s.end.timeout_s = 3.0),
-            ("scenario.road.segments.0.length_m=300", |s| s.road.segments[0].length_m = 300.0),
+            ("scenario.road.segments.0.length_m=300", |s| {
+                let Course::Strip(strip) = &mut s.road.course else { return };
+                strip.segments[0].length_m = 300.0;
+            }),
         ];
         for (set, change) in cases {
             let mut wanted = base.clone();

@@ -16,7 +16,10 @@ pub(crate) const REACH_M: f64 = 15.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Scripted {
     script: Script,
+    /// Line of the actor.
     line: Arc<Polyline>,
+    /// Line of the ego's lanes.
+    road: Arc<Polyline>,
     trigger: Option<Trigger>,
     /// Instant at which it started.
     set_off: Option<Time>,
@@ -27,12 +30,21 @@ pub(crate) struct Scripted {
 }
 
 impl Scripted {
-    /// Driver of an actor of this scenario along the road's line.
-    pub(crate) fn new(actor: &Actor, scenario: &Scenario, line: &Arc<Polyline>, dt: Span) -> Self {
+    /// Driver of an actor of this scenario, given the line of its road.
+    pub(crate) fn new(actor: &Actor, scenario: &Scenario, road: &Arc<Polyline>, dt: Span) -> Self {
+        let line = actor.line.as_ref().unwrap_or(road);
         let script = Script::new(actor, line);
         let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
         let ego_m = scenario.ego.s_m;
-        Self { script, line: Arc::clone(line), trigger: actor.trigger, set_off, dt, ego_m }
+        Self {
+            script,
+            line: Arc::clone(line),
+            road: Arc::clone(road),
+            trigger: actor.trigger,
+            set_off,
+            dt,
+            ego_m,
+        }
     }
 
     /// Instant at which it started, or at which it will start for certain.
@@ -52,7 +64,7 @@ impl Scripted {
 
     /// True if a trigger is met; `own` is the pose of the actor that it starts.
     fn is_met(&self, trigger: Trigger, view: &View<'_>, own: Pose2) -> bool {
-        let place = |point: Point2| self.line.project(point).s_m;
+        let place = |point: Point2| self.road.project(point).s_m;
         match trigger {
             Trigger::Distance { to, within_m } => {
                 center(to, view).is_some_and(|center| center.distance(own.point()) <= within_m)
@@ -71,7 +83,7 @@ impl Driver for Scripted {
         }
         let Some(trigger) = self.trigger else { return };
         if matches!(trigger, Trigger::Reaches { who: Subject::Ego, .. }) && view.now() > Time::ZERO {
-            self.ego_m = self.line.project_near(view.ego.center.point(), self.ego_m, REACH_M).s_m;
+            self.ego_m = self.road.project_near(view.ego.center.point(), self.ego_m, REACH_M).s_m;
         }
         let Some(own) = view.world.actor(view.own) else { return };
         if self.is_met(trigger, view, own.pose) {

@@ -164,7 +164,7 @@ impl Simulator {
             // An actor that moves from the start has a speed in the first state, too.
             let movement = driver.movement(Time::ZERO, Time::ZERO);
             let movement = movement.unwrap_or_else(|| Movement::at_rest(actor.pose(&line)));
-            let at = line.project_near(movement.pose.point(), actor.s_m, STEP_MAX_M);
+            let at = actor.line(&line).project_near(movement.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
                 id: actor.id,
                 kind: actor.kind,
@@ -262,7 +262,8 @@ impl Simulator {
 
     /// A movement of actor `i` on the ground.
     fn placed(&self, i: usize, movement: Movement) -> Placed {
-        let at = self.route.line().project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
+        let line = self.scenario.actors[i].line(self.route.line());
+        let at = line.project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
         Placed { movement, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
     }
 

@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_core::Rng;
-use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
+use swerve_geom::{Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorId, ActorKind, Signal};
-use swerve_scenario::{PAVEMENT_M, Scenario, TrafficLight};
+use swerve_scenario::{PAVEMENT_M, Scenario, Strip, TrafficLight};
 use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
     road_pieces, walk_phase,
@@ -52,12 +52,14 @@ impl Street {
         let line = scenario.road.line();
         let look = |id: ActorId| Rng::keyed(seed, "look", &[i64::from(id.0)]).bits();
         let actors = scenario.actors.iter().map(|a| (a.id, (look(a.id), a.pose(&line).point()))).collect();
-        road(&mut scene, scenario, &line, seed);
-        scenery::add(&mut scene, scenario, &line, seed);
+        if let Some(strip) = scenario.road.strip() {
+            road(&mut scene, strip, &scenario.road.lights, seed);
+            scenery::add(&mut scene, scenario, strip, seed);
+        }
         let size = Size::from_m(ego.length_m, ego.width_m, ego.height_m);
         let model = scene.meshes.model_sized(Kind::Sedan, size, look(ActorId::EGO));
         let fixed_lights = scene.lights.len();
-        let lights = traffic_lights(&mut scene, scenario, &line);
+        let lights = traffic_lights(&mut scene, scenario);
         let scene = Arc::new(scene);
         Self { scene, actors, ego: model, lights, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
     }
@@ -158,34 +160,33 @@ fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
     }
 }
 
-/// Traffic lights of the ego's lane, facing the vehicles that approach in it.
-fn traffic_lights(scene: &mut Scene, scenario: &Scenario, line: &Polyline) -> Vec<(Instance, TrafficLight)> {
+/// Traffic lights, facing the vehicles that they are for.
+fn traffic_lights(scene: &mut Scene, scenario: &Scenario) -> Vec<(Instance, TrafficLight)> {
     let model = scene.meshes.model(Kind::TrafficLight, 1);
     let placed = |light: &TrafficLight| {
-        let at = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
-        let yaw_rad = line.at(light.s_m).pose.heading_rad + core::f64::consts::PI;
-        (Instance::new(&model, at.x_m, at.y_m, yaw_rad), light.clone())
+        let yaw_rad = light.pose.heading_rad + core::f64::consts::PI;
+        (Instance::new(&model, light.pose.x_m, light.pose.y_m, yaw_rad), light.clone())
     };
     scenario.road.lights.iter().map(placed).collect()
 }
 
 /// The road with its markings, a lane's width apart, and the pavements beside it.
-fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
-    let road = &scenario.road;
-    let (left_m, right_m) = (road.left_m as f32, road.right_m as f32);
-    let mut layout = RoadLayout::street(extended(line), left_m, right_m);
+fn road(scene: &mut Scene, strip: &Strip, lights: &[TrafficLight], seed: u64) {
+    let (left_m, right_m) = (strip.left_m as f32, strip.right_m as f32);
+    let mut layout = RoadLayout::street(extended(&strip.line()), left_m, right_m);
     let dashes = layout.lines.pop().expect("a street has a middle line");
     let mut between_m =
-        0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
-    while between_m < road.left_m - 0.5 * road.lane_width_m {
-        if between_m > 0.5 * road.lane_width_m - road.right_m {
+        0.5 * strip.lane_width_m - strip.lane_width_m * ((strip.right_m / strip.lane_width_m).floor());
+    while between_m < strip.left_m - 0.5 * strip.lane_width_m {
+        if between_m > 0.5 * strip.lane_width_m - strip.right_m {
             layout.lines.push(swerve_scene::LaneLine { offset_m: between_m as f32, ..dashes });
         }
-        between_m += road.lane_width_m;
+        between_m += strip.lane_width_m;
     }
     layout.left_side = SideOfRoad::Pavement { width_m: PAVEMENT_M as f32 };
     layout.right_side = layout.left_side;
-    layout.stop_lines_m = road.lights.iter().map(|light| (BEYOND_M + light.stop_s_m) as f32).collect();
+    let stop_lines = lights.iter().filter_map(|light| light.stop_s_m);
+    layout.stop_lines_m = stop_lines.map(|stop_s_m| (BEYOND_M + stop_s_m) as f32).collect();
     for piece in road_pieces(&layout, seed) {
         scene.add_piece(piece);
     }

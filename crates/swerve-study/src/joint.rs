@@ -127,7 +127,8 @@ pub(super) fn changed<'a>(
     if sets.is_empty() {
         return Ok(Cow::Borrowed(scenario));
     }
-    Scenario::parse_with(&file.display().to_string(), &scenario.text, sets).map(Cow::Owned)
+    let map = scenario.road.map_text();
+    Scenario::parse_on(&file.display().to_string(), &scenario.text, map, sets).map(Cow::Owned)
 }
 
 /// Groups of axes that depend on each other.

@@ -84,6 +84,11 @@ impl<'d> Reading<'d> {
         self.note(&place, key, message.into());
     }
 
+    /// Name of the file.
+    pub fn file(&self) -> &'d str {
+        self.file
+    }
+
     /// Number of values that had to be replaced because the text has no usable one.
     pub fn guesses(&self) -> usize {
         self.guesses.get()
@@ -107,7 +112,8 @@ impl<'d> Reading<'d> {
         self.problems.borrow_mut().push(problem);
     }
 
-    fn guess(&self) {
+    /// Counts a value that has to be replaced because the text has no usable one.
+    pub fn guess(&self) {
         self.guesses.set(self.guesses.get() + 1);
     }
 }
@@ -236,6 +242,20 @@ impl<'r> TableReader<'r> {
             self.missing(key, "a text");
         }
         self.text_if_any(key).unwrap_or_default()
+    }
+
+    /// Reads a required array of texts, at least one. Empty after a problem.
+    pub fn texts(&self, key: &'static str) -> Vec<String> {
+        let wanted = "an array of texts";
+        let texts: Option<Vec<String>> = self
+            .value(key)
+            .and_then(|value| value.as_array()?.iter().map(|text| Some(text.as_str()?.to_owned())).collect());
+        match (texts.filter(|texts| !texts.is_empty()), self.value(key)) {
+            (Some(texts), _) => return texts,
+            (None, Some(found)) => self.mistyped(key, wanted, found),
+            (None, None) => self.missing(key, wanted),
+        }
+        Vec::new()
     }
 
     /// Reads an optional text that is not blank and has no control characters.

@@ -23,7 +23,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
 use swerve_drive::page::LogSoFar;
-use swerve_drive::{light_courses, norm, outline, problems_error};
+use swerve_drive::{light_courses, logged_scenario, norm, outline, problems_error};
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EndReason, Verdict, WorldState};
@@ -156,9 +156,7 @@ impl Logged {
         if config.live.is_some() {
             bail!("{}: of a vehicle: the log does not hold where the others were", path.display());
         }
-        let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
-        let scenario =
-            Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+        let scenario = logged_scenario(&log.start)?;
         Ok(Self { log, config, scenario })
     }
 

@@ -11,7 +11,7 @@ use swerve_core::Digest;
 use swerve_drive::page::{COMMAND, LogSoFar, given_log, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
-use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
+use swerve_drive::{left_out_of_logs, logged_scenario, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, Recorder, RunEnd, left_out};
@@ -231,9 +231,7 @@ impl Replay<'_> {
             Layer::of_sets("--set", self.sets, None),
         ]);
         self.code.apply(&mut config);
-        let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
-        let scenario =
-            Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+        let scenario = logged_scenario(&log.start)?;
         let build = || match config.live.is_some() {
             true => Ok(LiveGraph::build(&config, &scenario)?.pipeline),
             false => Pipeline::build(&config, &scenario),

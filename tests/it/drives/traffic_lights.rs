@@ -129,7 +129,7 @@ fn ego_waits_at_the_line_of_a_red_light() {
     let light = &scenario.road.lights[0];
     assert_eq!((outcome.metrics.verdict, seen.passed), (Verdict::Completed, 0));
     let [rest_m, speed_mps] = *seen.ego.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
-    let to_line_m = light.stop_s_m - rest_m;
+    let to_line_m = light.stop_s_m.unwrap() - rest_m;
     assert!(speed_mps < 0.1 && (3.0..12.0).contains(&to_line_m), "{speed_mps} m/s {to_line_m} m before it");
     let blind = [&small[..], &["operator.lights.within_m=1"]].concat();
     assert_eq!(drive(&[], &blind, None).0.passed, 1);

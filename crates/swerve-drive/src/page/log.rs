@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use serde::de::DeserializeOwned;
 use swerve_foxglove::logged_image;
 use swerve_log::{Bag, Log, LogError, PublicationRecord, Record};
@@ -25,6 +24,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{COMMAND, RunReport};
 use crate::load::problems_error;
+use crate::logged_scenario;
 use crate::shipped::Kind;
 
 /// Log named by a path to it or to the folder of its run; the partial log of an interrupted run.
@@ -100,8 +100,7 @@ fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPag
     let LogSoFar { log, path, damage } = so_far;
     let document = Config::logged(&log.start.config)?;
     let config = Setup::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
-    let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
-    let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;
+    let scenario = logged_scenario(&log.start)?;
     let mut report = RunReport::of_config(&config, &scenario, String::new());
     report.page.command = command_of_log(log, &config, &scenario);
     if config.live.is_some() {

@@ -171,12 +171,12 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
         );
         let leaves = samples.iter().position(|x| x.share > 0.5);
         match leaves {
-            Some(0) => parts.stretch(to, 0.0),
+            Some(0) => parts.stretch(map, to, 0.0),
             Some(k) => {
-                parts.stretch(from, 0.0);
-                parts.stretch(to, line.length() * k as f64 / count);
+                parts.stretch(map, from, 0.0);
+                parts.stretch(map, to, line.length() * k as f64 / count);
             }
-            None => parts.stretch(from, 0.0),
+            None => parts.stretch(map, from, 0.0),
         }
         parts.add(&points[1..], line.length(), &ground, &own);
         row_m += row_length_m;
@@ -226,12 +226,11 @@ fn smooth(u: f64) -> f64 {
 
 /// Adds a whole lane; in a junction with all ground beside it.
 fn add_lane(map: &Map, parts: &mut Parts, lane: &Lane) {
-    let inside = map.junctions_of(lane.id).any(|junction| junction.lanes.binary_search(&lane.id).is_ok());
-    if !inside {
+    if !map.is_in_junction(lane.id) {
         return parts.add_lane(map, lane);
     }
     let ground = junction_ground(map, lane);
-    parts.stretch(lane, 0.0);
+    parts.stretch(map, lane, 0.0);
     parts.add(&lane.line.points()[1..], lane.line.length(), &ground, &lane.borders);
 }
 

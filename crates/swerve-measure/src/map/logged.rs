@@ -10,14 +10,13 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
-use swerve_drive::{problems_error, threads};
+use swerve_drive::{logged_scenario, problems_error, threads};
 use swerve_flow::{Event, Observer, RunOptions, run_virtual};
 use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_localization::ndt::Vector3;
 use swerve_log::{Log, PublicationRecord, Reader, Record};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{EgoState, PointCloud};
-use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images, LogConfig};
@@ -125,13 +124,13 @@ impl Logged {
 
     /// Clouds computed again by the lidar from the logged states of the world.
     fn computed(&self, take: Take<'_>) -> anyhow::Result<()> {
-        let (Some(text), None) = (self.log.start.extra.get("scenario"), &self.config.live) else {
+        let (true, None) = (self.log.start.extra.contains_key("scenario"), &self.config.live) else {
             bail!("it has only fingerprints of the clouds: record it with log.images = \"lossless\"");
         };
         let Some(world) = self.log.all_publications().find(|p| is_of::<WorldState>(p)) else {
             bail!("expected states of the world, to compute the clouds of `{}` again", self.lidar);
         };
-        let scenario = Scenario::parse("scenario of the log", text).map_err(|e| problems_error(&e))?;
+        let scenario = logged_scenario(&self.log.start)?;
         let Config { seed, ego, sim, render, lidar, .. } = self.config.config.clone();
         let log = LogConfig { sensors: vec![self.lidar.clone()], ..LogConfig::default() };
         let alone = Config { seed, ego, sim, render, lidar, log, ..Config::default() };

@@ -1,6 +1,7 @@
 use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_text::{Range, TableReader};
 
+use super::map::{Loaded, line_of};
 use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, identity, unknown_actor};
 use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
 
@@ -14,22 +15,38 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
 ];
 
-/// Reads the actor of this identity; `names` are those of all actors, to resolve references.
-pub(super) fn read(table: &TableReader<'_>, id: ActorId, name: &str, names: &[String]) -> Actor {
+/// What is known about an actor before it is read.
+pub(super) struct Told<'a> {
+    pub(super) id: ActorId,
+    pub(super) name: &'a str,
+    /// Names of all actors, to resolve references.
+    pub(super) names: &'a [String],
+    /// The map under the scenario.
+    pub(super) map: Option<&'a Loaded>,
+}
+
+pub(super) fn read(table: &TableReader<'_>, Told { id, name, names, map }: Told<'_>) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
+    let course = map.filter(|_| table.has("start")).and_then(|map| map.course(table, false));
+    let at_start = map.is_some() && table.has("start");
     let actor = Actor {
         id,
         name: name.to_owned(),
         kind,
         extent: extent(table, known.map(|_| kind), size),
         mass_kg: table.number_or("mass_kg", mass, Range::between(0.1, 100_000.0)),
-        s_m: table.number("s_m", PLACE),
-        d_m: table.number("d_m", PLACE),
+        s_m: match &course {
+            Some(course) => course.start_m,
+            None if at_start => 0.0,
+            None => table.number("s_m", PLACE),
+        },
+        d_m: if at_start { table.number_or("d_m", 0.0, PLACE) } else { table.number("d_m", PLACE) },
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
         trigger: trigger(table, names),
         motion: motions(table, kind),
+        line: course.map(line_of),
     };
     if actor.trigger.is_some() && actor.motion.is_empty() {
         table.report("trigger", "has no effect: the actor has no motion");

@@ -18,7 +18,8 @@ fn person_behind_truck_is_read_as_written() {
     let walk = Motion::Walk { speed_mps: 2.75, distance_m: 4.5, direction: Direction::Right };
     assert_eq!(person.motion, [walk]);
     let road = &scenario.road;
-    assert_eq!((road.lane_width_m, road.left_m, road.right_m, road.friction), (4.0, 6.0, 2.0, 0.9));
+    let strip = road.strip().unwrap();
+    assert_eq!((strip.lane_width_m, strip.left_m, strip.right_m, road.friction), (4.0, 6.0, 2.0, 0.9));
     assert_eq!((scenario.ego.s_m, scenario.ego.d_m, scenario.ego.end_m), (0.0, 0.0, 180.0));
     assert_eq!(scenario.ego.start_speed(), scenario.ego.target_speed_mps);
     assert_eq!(scenario.expectation("any").unwrap().verdict, Verdict::Collision);
@@ -268,22 +269,17 @@ fn traffic_light_is_read_as_written_with_defaults_beside_its_stop_line() {
         Scenario::parse("full.toml", &text).unwrap_or_else(|problems| panic!("{problems:#?}")).road.lights
     };
     let short = read("name = \"a\"\nstop_s_m = 60\ngreen_s = 10.0\nred_s = 20.0\n");
-    let want = TrafficLight {
-        name: "a".into(),
-        s_m: 62.0,
-        d_m: -3.0,
-        stop_s_m: 60.0,
-        green_s: 10.0,
-        yellow_s: 3.0,
-        red_s: 20.0,
-        offset_s: 0.0,
-    };
+    let line = Scenario::parse("full.toml", FULL).unwrap().road.line();
+    let cycle = Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 20.0, offset_s: 0.0 };
+    let pose = crate::model::on_road(&line, 62.0, -3.0, 0.0);
+    let want = TrafficLight { name: "a".into(), pose, stop_s_m: Some(60.0), cycle };
     assert_eq!(short, core::slice::from_ref(&want));
     let full = read(
         "name = \"a\"\nstop_s_m = 60\ns_m = 61.0\nd_m = 4.0\ngreen_s = 10.0\nyellow_s = 0\nred_s = 20.0\n\
          offset_s = 29.9\n[[road.light]]\nname = \"b\"\nstop_s_m = 200.0\ngreen_s = 1\nred_s = 1\n",
     );
-    let first = TrafficLight { s_m: 61.0, d_m: 4.0, yellow_s: 0.0, offset_s: 29.9, ..want };
+    let cycle = Cycle { yellow_s: 0.0, offset_s: 29.9, ..cycle };
+    let first = TrafficLight { pose: crate::model::on_road(&line, 61.0, 4.0, 0.0), cycle, ..want };
     assert_eq!((full.len(), &full[0], full[1].name.as_str()), (2, &first, "b"));
     assert!(Scenario::parse("full.toml", FULL).unwrap().road.lights.is_empty());
 }

@@ -7,10 +7,9 @@ use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
-    Side, Signal,
+    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, Side, Signal,
 };
-use swerve_scenario::{Road, TrafficLight};
+use swerve_scenario::{Road, RoadLines, TrafficLight};
 use swerve_vehicle::Shape;
 
 /// Search range around the ego's last position along the road, metres.
@@ -41,25 +40,18 @@ pub fn collisions(world: &WorldState) -> CollisionEvents {
 pub struct LaneInvasionSensor {
     line: Polyline,
     shape: Shape,
-    lines: Vec<Crossing>,
+    lines: RoadLines,
+    /// For each of [`RoadLines::ALL`], true if the ego is on it.
+    on_it: [bool; RoadLines::ALL.len()],
     /// Previous position of the outline's centre.
     last: Option<FrenetPoint>,
-}
-
-/// One line, and true if the ego is on it.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Crossing {
-    line: RoadLine,
-    d_m: f64,
-    on_it: bool,
 }
 
 impl LaneInvasionSensor {
     /// Creates a sensor for a car of this outline on this road (of a checked scenario).
     pub fn new(road: &Road, shape: Shape) -> Self {
-        let crossing = |(line, d_m)| Crossing { line, d_m, on_it: false };
-        let lines = road.lines().into_iter().map(crossing).collect();
-        Self { line: road.line(), shape, lines, last: None }
+        let on_it = [false; RoadLines::ALL.len()];
+        Self { line: road.line(), shape, lines: road.lines(), on_it, last: None }
     }
 
     /// Lines that the outline moved onto, or over, since the previous state. Lines under the ego in the first state are
@@ -73,16 +65,20 @@ impl LaneInvasionSensor {
         };
         let [right_m, left_m] = spread(&self.line, &outline, now.s_m);
         let mut events = Vec::new();
-        for crossing in &mut self.lines {
-            let d_m = crossing.d_m;
+        for (line, was_on_it) in RoadLines::ALL.into_iter().zip(&mut self.on_it) {
+            let Some(d_m) = self.lines.offset_m(line, now.s_m) else {
+                *was_on_it = false;
+                continue;
+            };
             let on_it = right_m < d_m && d_m < left_m;
-            let leapt = self.last.is_some_and(|last| (last.d_m < d_m) != (now.d_m < d_m));
-            if let Some(last) = self.last.filter(|_| !crossing.on_it && (on_it || leapt)) {
-                let side = if last.d_m < d_m { Side::Left } else { Side::Right };
-                events.push(LaneInvasion { line: crossing.line, line_d_m: d_m, side, s_m: now.s_m });
+            let last = self.last.and_then(|last| Some((last.d_m, self.lines.offset_m(line, last.s_m)?)));
+            let leapt = last.is_some_and(|(from_m, line_m)| (from_m < line_m) != (now.d_m < d_m));
+            if let Some((from_m, line_m)) = last.filter(|_| !*was_on_it && (on_it || leapt)) {
+                let side = if from_m < line_m { Side::Left } else { Side::Right };
+                events.push(LaneInvasion { line, line_d_m: d_m, side, s_m: now.s_m });
             }
             let clear = right_m > d_m + CLEAR_M || left_m < d_m - CLEAR_M;
-            crossing.on_it = on_it || (crossing.on_it && !clear);
+            *was_on_it = on_it || (*was_on_it && !clear);
         }
         self.last = Some(now);
         LaneInvasions { stamp: world.stamp, events }
@@ -109,7 +105,8 @@ fn spread(line: &Polyline, outline: &Obb, near_s_m: f64) -> [f64; 2] {
 pub struct RedLightSensor {
     line: Polyline,
     shape: Shape,
-    lights: Vec<TrafficLight>,
+    /// Lights that the ego obeys, with their index in the scenario and their stop lines along the road, metres.
+    lights: Vec<(u32, TrafficLight, f64)>,
     /// For each light, true if its stop line is behind the front.
     passed: Vec<bool>,
     /// Previous stamp, and position of the front along the road.
@@ -119,7 +116,10 @@ pub struct RedLightSensor {
 impl RedLightSensor {
     /// Creates a sensor for a car of this outline on this road (of a checked scenario).
     pub fn new(road: &Road, shape: Shape) -> Self {
-        let (lights, passed) = (road.lights.clone(), vec![false; road.lights.len()]);
+        let lights =
+            (0..).zip(&road.lights).filter_map(|(k, light)| Some((k, light.clone(), light.stop_s_m?)));
+        let lights: Vec<_> = lights.collect();
+        let passed = vec![false; lights.len()];
         Self { line: road.line(), shape, lights, passed, last: None }
     }
 
@@ -130,14 +130,14 @@ impl RedLightSensor {
         let Some((then, from_m)) = self.last else {
             let s_m = self.line.project(front).s_m;
             self.last = Some((world.stamp, s_m));
-            self.passed = self.lights.iter().map(|light| s_m >= light.stop_s_m).collect();
+            self.passed = self.lights.iter().map(|(_, _, stop_s_m)| s_m >= *stop_s_m).collect();
             return RedLightEvents { stamp: world.stamp, events: Vec::new() };
         };
         let s_m = self.line.project_near(front, from_m, REACH_M).s_m;
         let dt = world.stamp - then;
         let mut events = Vec::new();
-        for (i, (light, passed)) in self.lights.iter().zip(&mut self.passed).enumerate() {
-            let stop_s_m = light.stop_s_m;
+        for ((index, light, stop_s_m), passed) in self.lights.iter().zip(&mut self.passed) {
+            let stop_s_m = *stop_s_m;
             if *passed {
                 *passed = s_m > stop_s_m - BACK_M;
             } else if s_m >= stop_s_m {
@@ -146,7 +146,7 @@ impl RedLightSensor {
                 let at = then + Span::from_secs(dt.as_secs() * share);
                 if let (Signal::Red, since) = light.phase(at) {
                     let speed_mps = (s_m - from_m) / dt.as_secs().max(1e-9);
-                    let (light, red_for_s) = (i as u32, since.as_secs());
+                    let (light, red_for_s) = (*index, since.as_secs());
                     events.push(RedLightEvent { light, stop_s_m, passed: at, red_for_s, speed_mps });
                 }
             }

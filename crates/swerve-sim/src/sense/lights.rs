@@ -1,6 +1,6 @@
 //! Traffic lights visible to a sensor on the ego, with their signals, by the visibility rule of obstacles.
 
-use swerve_geom::{FrenetPoint, Map, Point, Point2, Vector2};
+use swerve_geom::{Map, Point, Point2, Vector2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{TrafficLight, TrafficLights};
 use swerve_scenario::{Road, TrafficLight as Light};
@@ -24,11 +24,9 @@ pub struct TrafficLightSensor {
 impl TrafficLightSensor {
     /// Creates a sensor for the lights of this road (of a checked scenario).
     pub fn new(road: &Road) -> Self {
-        let line = road.line();
         let placed = |light: &Light| {
-            let at: Point2 = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
-            let towards = line.at(light.s_m).pose.direction();
-            (light.clone(), Point::new(at.x_m, at.y_m, MIDDLE_M), towards)
+            let head = Point::new(light.pose.x_m, light.pose.y_m, MIDDLE_M);
+            (light.clone(), head, light.pose.direction())
         };
         Self { lights: road.lights.iter().map(placed).collect() }
     }
@@ -52,7 +50,7 @@ impl TrafficLightSensor {
                 seen: signal,
                 score: 1.0,
                 distance_m: world.ego.state.pose.point().distance(at),
-                stop_s_m: Some(light.stop_s_m),
+                stop_s_m: light.stop_s_m,
                 ..TrafficLight::default()
             })
         };

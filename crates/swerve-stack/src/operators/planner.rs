@@ -98,6 +98,11 @@ impl OperatorKind for Planners {
 /// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 64;
 
+/// Deceleration to a lower speed limit ahead, m/s².
+const EASE_MPS2: f64 = 1.0;
+/// Time by which the ego begins to slow down earlier, seconds: that until a plan takes effect.
+const AHEAD_S: f64 = 1.0;
+
 /// Requests a plan from a motion planner for each frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
@@ -198,7 +203,9 @@ impl PlannerOperator {
         };
         let on_route = Here { ego: measured, place: here, route: &self.route };
         let stop = memory.trust.stop(on_route);
-        let target_speed_mps = memory.trust.target_speed_mps(self.target_speed_mps, on_route, &predictions);
+        let limit_mps = self.route.speed_limit_mps(place.s_m + AHEAD_S * start.speed_mps, EASE_MPS2);
+        let free_mps = self.target_speed_mps.min(limit_mps);
+        let target_speed_mps = memory.trust.target_speed_mps(free_mps, on_route, &predictions);
         let walled: Option<Vec<Prediction>> =
             stop.as_ref().map(|stop| predictions.iter().chain([&stop.wall]).cloned().collect());
         let overtake_max_m = memory.trust.overtake_max_m(on_route);

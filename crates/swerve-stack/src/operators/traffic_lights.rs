@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
-use swerve_geom::FrenetPoint;
 use swerve_msg::{EgoState, Image, TrafficLights};
 use swerve_perception::LightWatch;
 use swerve_perception::camera::Shot;
@@ -94,15 +93,13 @@ impl Kind for Lights {
     }
 }
 
-/// Positions of a road's lights, as in a map.
+/// Positions of the lights that the ego obeys, as in a map.
 fn places(road: &Road) -> Vec<LightPlace> {
-    let line = road.line();
     let place = |light: &TrafficLight| {
-        let at = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
-        let pose = swerve_geom::Pose2::new(at.x_m, at.y_m, line.at(light.s_m).pose.heading_rad);
-        LightPlace { name: light.name.clone(), pose, stop_s_m: light.stop_s_m }
+        let stop_s_m = light.stop_s_m?;
+        Some(LightPlace { name: light.name.clone(), pose: light.pose, stop_s_m })
     };
-    road.lights.iter().map(place).collect()
+    road.lights.iter().filter_map(place).collect()
 }
 
 impl Operator for Lights {

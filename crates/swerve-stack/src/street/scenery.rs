@@ -2,7 +2,7 @@
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
-use swerve_scenario::{Direction, KERB_M, Motion as Leg, PAVEMENT_M, Scenario};
+use swerve_scenario::{Direction, KERB_M, Motion as Leg, PAVEMENT_M, Scenario, Strip};
 use swerve_scene::{Instance, Kind, Light, Scene, Size, ground_pieces};
 
 /// Least distance of houses behind the pavement, metres.
@@ -17,11 +17,12 @@ const HORIZON_M: f64 = 440.0;
 const DRIVE_M: f64 = 120.0;
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 
-pub(super) fn add(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
+pub(super) fn add(scene: &mut Scene, scenario: &Scenario, strip: &Strip, seed: u64) {
+    let line = &strip.line();
     grass(scene, line);
     let ways = ways(scenario, line);
     for (k, side) in [1.0, -1.0].into_iter().enumerate() {
-        let edge_m = if side > 0.0 { scenario.road.left_m } else { scenario.road.right_m };
+        let edge_m = if side > 0.0 { strip.left_m } else { strip.right_m };
         let mut row = Row {
             scene,
             line,

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use swerve_core::Span;
-use swerve_geom::{Pose2, Vector2};
+use swerve_geom::{FrenetPoint, Pose2, Vector2};
 use swerve_msg::{ActorId, Extent};
 use swerve_scenario::Scenario;
 use swerve_scene::SemanticClass;
@@ -37,7 +37,8 @@ fn scenery_is_clear_of_the_drivable_ground_and_actor_starts() {
                 let at = instance.map_from_body.origin().coords;
                 let point = Point2::new(at.x, at.y);
                 let d_m = line.project(point).d_m;
-                let off = d_m > scenario.road.left_m || d_m < -scenario.road.right_m;
+                let off = d_m > scenario.road.strip().unwrap().left_m
+                    || d_m < -scenario.road.strip().unwrap().right_m;
                 assert!(off, "{}: {:?} at d = {d_m}", scenario.name, instance.class);
                 for actor in &scenario.actors {
                     let far_m = actor.pose(&line).point().distance(point);
@@ -107,10 +108,10 @@ fn actors_stand_on_the_drawn_ground() {
     for scenario in scenarios() {
         let street = Street::new(&scenario, &Shape::default(), WeatherPreset::default(), 1);
         let (road, line) = (&scenario.road, scenario.road.line());
-        let edges = [0.3, 1.4, 2.5, 3.2];
-        let beside = edges.map(|m| road.left_m + m).into_iter().chain(edges.map(|m| -road.right_m - m));
+        let (strip, edges) = (road.strip().unwrap(), [0.3, 1.4, 2.5, 3.2]);
+        let beside = edges.map(|m| strip.left_m + m).into_iter().chain(edges.map(|m| -strip.right_m - m));
         // Grass is six centimetres below the plane.
-        for d_m in beside.chain([0.0, road.left_m - 0.3, 0.3 - road.right_m]) {
+        for d_m in beside.chain([0.0, strip.left_m - 0.3, 0.3 - strip.right_m]) {
             let drawn_m = drawn_m(&street, line.to_map(FrenetPoint { s_m: 31.3, d_m }));
             let error_m = drawn_m - road.ground_m(d_m);
             assert!(error_m.abs() < 0.07, "{} at {d_m}: drawn at {drawn_m}", scenario.name);

@@ -16,7 +16,7 @@ use swerve_perception::camera::Shot;
 use swerve_perception::detector::Sensing;
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
-use swerve_scenario::{Actor, Direction, Motion, PAVEMENT_M, Scenario, Segment};
+use swerve_scenario::{Actor, Course, Direction, Motion, PAVEMENT_M, Scenario, Segment, Strip};
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::Setup;
 use swerve_stack::config::camera::CameraConfig;
@@ -40,13 +40,19 @@ const FROM_EDGE_M: f64 = 0.4;
 /// Their positions, sides and directions are drawn from the seed, all uniformly.
 pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario {
     let mut straight = scenario.clone();
-    straight.road.segments = vec![Segment { length_m: timely.length_m, curvature_1pm: 0.0 }];
+    let (route, s_m) = (scenario.road.route(), scenario.ego.s_m);
+    let (left_m, right_m) = (route.left_m(s_m), route.right_m(s_m));
+    straight.road.course = Course::Strip(Strip {
+        segments: vec![Segment { length_m: timely.length_m, curvature_1pm: 0.0 }],
+        lane_width_m: scenario.road.lane_width_m(s_m),
+        left_m,
+        right_m,
+    });
     straight.road.lights.clear();
     (straight.expect, straight.draws, straight.end.standstill) = (Vec::new(), None, None);
     let ego = &mut straight.ego;
     (ego.s_m, ego.d_m, ego.heading_rad, ego.start_speed_mps) = (0.0, 0.0, 0.0, Some(0.0));
     ego.end_m = timely.length_m;
-    let (left_m, right_m) = (straight.road.left_m, straight.road.right_m);
     let person = |k: u32| {
         let mut rng = Rng::keyed(seed, "walker", &[i64::from(k)]);
         let s_m = rng.uniform(0.0, timely.length_m);
@@ -59,6 +65,7 @@ pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario
             kind: ActorKind::Pedestrian,
             extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
             mass_kg: 75.0,
+            line: None,
             s_m,
             d_m,
             heading_rad: 0.0,

@@ -87,7 +87,7 @@ fn all_faults_of_a_network_are_reported_with_their_place() {
     );
     let said = bench.swerve(&["map", "show", "m.xodr"]);
     assert_eq!(said.code, Some(1));
-    for told in [
+    for expected in [
         "m.xodr:3:14: road a: `length`: expected a number, found \"?\"",
         "m.xodr:13:48: road b/planView/geometry: `length`: expected a number, found \"?\"",
         "did you mean `driving`?",
@@ -184,6 +184,6 @@ fn commonroad_scenario_is_shown_also_packed() {
     ] {
         bench.write(name, text);
         let said = bench.swerve(&["map", "show", name]);
-        assert!(said.code == Some(1) && said.stderr.contains(told), "{said:?}\nexpected {told}");
+        assert!(said.code == Some(1) && said.stderr.contains(expected), "{said:?}\nexpected {expected}");
     }
 }

@@ -1,0 +1,263 @@
+//! Scenarios on maps: the map, places on it, and ways over it.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_map::router::{self, Stop, Way};
+use swerve_map::{Map, Signal};
+use swerve_map_io::{FILE_MAX, MapFile};
+use swerve_msg::Route;
+use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
+
+use super::{ANGLE, PLACE, cycle};
+use crate::{Cycle, MapCourse, TrafficLight};
+
+/// Length of the ego's route beyond its goal, metres, so that planners know the road ahead.
+const BEYOND_GOAL_M: f64 = 200.0;
+/// Length of the line of an actor beyond its start or goal, metres.
+const ACTOR_BEYOND_M: f64 = 1_000.0;
+/// Most places in a way.
+const VIA_MAX: usize = 1_000;
+/// Largest distance of a place from the driving lane that it is on, metres.
+const OFF_LANE_M: f64 = 20.0;
+/// Distance before the end of a lane at which traffic stops if its signal has no stop line, metres.
+const BEFORE_END_M: f64 = 1.0;
+
+/// A map under a scenario, while the scenario is read.
+pub(super) struct Loaded {
+    pub(super) name: String,
+    pub(super) text: Arc<str>,
+    pub(super) file: MapFile,
+    pub(super) friction: f64,
+    lights: Vec<(Vec<String>, Cycle)>,
+}
+
+/// A way over the map as a line, with the arc lengths of start and end.
+pub(super) struct Course {
+    pub(super) route: Route,
+    pub(super) start_m: f64,
+    pub(super) goal_m: f64,
+}
+
+/// Reads the table `[map]` and the file that it names: beside the scenario's file, unless its text is given.
+pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Loaded> {
+    let table = top.table_if_any("map")?;
+    let name = table.text("file");
+    let friction = table.number_or("friction", 0.9, Range::between(0.01, 4.0));
+    let tables = table.tables("light", |_| None);
+    let lights: Vec<_> = tables.iter().map(light).collect();
+    table.finish();
+    if name.is_empty() {
+        return None;
+    }
+    let loaded = match given {
+        Some(text) => Ok(Arc::clone(text)),
+        None => text_beside(top.reading().file(), &name),
+    };
+    let file = loaded.and_then(|text| Ok((MapFile::read(&name, &text)?, text)));
+    match file {
+        Ok((file, text)) => {
+            check_names(&tables, &lights, &file.map);
+            Some(Loaded { name, text, file, friction, lights })
+        }
+        Err(message) => {
+            table.report("file", message);
+            top.reading().guess();
+            None
+        }
+    }
+}
+
+/// Text of a map file, by its path from the folder of the scenario's file.
+fn text_beside(scenario: &str, name: &str) -> Result<Arc<str>, String> {
+    let path = Path::new(scenario).parent().unwrap_or(Path::new("")).join(name);
+    let wrong = |error: &dyn core::fmt::Display| format!("{} cannot be read: {error}", path.display());
+    let bytes = read_bytes(&path, FILE_MAX).map_err(|error| wrong(&error))?;
+    Ok(decoded(bytes).map_err(|error| wrong(&error))?.into())
+}
+
+/// Names of signals, or of the controllers of signals, and the cycle that they show.
+fn light(table: &TableReader<'_>) -> (Vec<String>, Cycle) {
+    let names = match table.only_one(&["signals", "controller"]) {
+        Some("controller") => vec![table.text("controller")],
+        Some(_) => table.texts("signals"),
+        None => Vec::new(),
+    };
+    let cycle = cycle(table);
+    table.finish();
+    (names, cycle)
+}
+
+fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, Cycle)], map: &Map) {
+    for (table, (names, _)) in tables.iter().zip(lights) {
+        let (key, of) = match table.has("controller") {
+            true => ("controller", "controller of signals"),
+            false => ("signals", "signal"),
+        };
+        for name in names.iter().filter(|name| !map.signals().iter().any(|signal| is_named(signal, name))) {
+            let controllers = map.signals().iter().filter_map(|signal| signal.controller.as_deref());
+            let signals = map.signals().iter().map(|signal| signal.name.as_str());
+            let near = if key == "signals" { nearest(name, signals) } else { nearest(name, controllers) };
+            let hint = near.map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
+            table.report(key, format!("the map has no {of} \"{name}\"{hint}"));
+        }
+    }
+}
+
+fn is_named(signal: &Signal, name: &str) -> bool {
+    signal.name == name || signal.controller.as_deref() == Some(name)
+}
+
+impl Loaded {
+    /// Reads a place under a key of a table; `None` after a problem.
+    pub(super) fn place(&self, table: &TableReader<'_>, key: &'static str) -> Option<Stop> {
+        let place = table.table(key)?;
+        self.stop(&place)
+    }
+
+    fn stop(&self, place: &TableReader<'_>) -> Option<Stop> {
+        let stop = if place.has("x_m") || place.has("y_m") {
+            let at = Point2::new(place.number("x_m", PLACE), place.number("y_m", PLACE));
+            let heading = place.number_if_any("heading_rad", ANGLE);
+            self.file.near(at, heading).and_then(|stop| {
+                let lane = self.file.map.lane(stop.lane);
+                let off_m = lane.map_or(0.0, |lane| lane.line.at(stop.s_m).pose.point().distance(at));
+                match off_m > OFF_LANE_M {
+                    true => {
+                        Err(format!("expected a place on a driving lane, found one {off_m:.1} m from it"))
+                    }
+                    false => Ok(stop),
+                }
+            })
+        } else if self.file.has_roads() {
+            let lane = place.whole_if_any("lane", -1_000, 1_000);
+            if !place.has("lane") {
+                place.report("lane", "is missing: expected the number of a lane of the road");
+            }
+            let s_m = place.number("s_m", Range::between(0.0, 100_000.0));
+            self.file.on_road(&place.text("road"), lane.unwrap_or(0) as i32, s_m)
+        } else {
+            let s_m = place.number("s_m", Range::between(0.0, 100_000.0));
+            self.file.on_lane(&place.text("lane"), s_m)
+        };
+        place.finish();
+        // After another problem of the place, this one may follow from it.
+        stop.map_err(|message| place.report_whole(message)).ok()
+    }
+
+    /// Reads start, via and goal of a table, and the way between them; without a goal the start alone.
+    pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool) -> Option<Course> {
+        let mut stops = vec![self.place(table, "start")];
+        let via = table.tables("via", |_| None);
+        if via.len() > VIA_MAX {
+            table.report("via", format!("expected at most {VIA_MAX} places"));
+            return None;
+        }
+        stops.extend(via.iter().map(|place| self.stop(place)));
+        if needs_goal || table.has("goal") {
+            stops.push(self.place(table, "goal"));
+        }
+        let stops = stops.into_iter().collect::<Option<Vec<Stop>>>()?;
+        let way = match self.way(&stops) {
+            Ok(way) => way,
+            Err((key, message)) => {
+                table.report(key, message);
+                return None;
+            }
+        };
+        let beyond_m = if needs_goal { BEYOND_GOAL_M } else { ACTOR_BEYOND_M };
+        match Route::over(&self.file.map, &way, beyond_m) {
+            Ok((route, [start_m, goal_m])) => Some(Course { route, start_m, goal_m }),
+            Err(error) => {
+                table.report("start", error.to_string());
+                None
+            }
+        }
+    }
+
+    /// The way over all stops.
+    fn way(&self, stops: &[Stop]) -> Result<Way, (&'static str, String)> {
+        let name = |stop: &Stop| format!("{} at {:.1} m", self.file.name(stop.lane), stop.s_m);
+        let map = &self.file.map;
+        let mut whole: Option<Way> = None;
+        for two in stops.windows(2) {
+            let leg = router::find(map, two[0], two[1]).ok_or_else(|| {
+                let key = if whole.is_some() || stops.len() == 2 { "goal" } else { "via" };
+                (key, format!("no way leads over driving lanes from {} to {}", name(&two[0]), name(&two[1])))
+            })?;
+            match &mut whole {
+                None => whole = Some(leg),
+                Some(whole) => {
+                    whole.lanes.extend(&leg.lanes[1..]);
+                    whole.length_m += leg.length_m;
+                    whole.ends_m[1] = leg.ends_m[1];
+                }
+            }
+        }
+        let start = stops[0];
+        Ok(whole.unwrap_or_else(|| Way {
+            lanes: vec![(router::Step::Begin, start.lane)],
+            length_m: 0.0,
+            ends_m: [start.s_m, start.s_m],
+        }))
+    }
+
+    /// Traffic lights of the map that have phases. Those that the ego obeys have the stop line on its route.
+    pub(super) fn lights(&self, route: &Route) -> Vec<TrafficLight> {
+        let map = &self.file.map;
+        let phased = |signal: &Signal| {
+            let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
+            self.lights.iter().find(named).map(|(_, cycle)| *cycle)
+        };
+        let signals = map.signals().iter().filter_map(|signal| Some((signal, phased(signal)?)));
+        let light = |(signal, cycle): (&Signal, Cycle)| TrafficLight {
+            name: match signal.name.is_empty() {
+                true => format!("signal {}", signal.id.0),
+                false => signal.name.clone(),
+            },
+            pose: Pose2::new(
+                signal.position.x_m,
+                signal.position.y_m,
+                signal.heading_rad + core::f64::consts::PI,
+            ),
+            stop_s_m: stop_s_m(map, route, signal),
+            cycle,
+        };
+        signals.map(light).collect()
+    }
+
+    /// The map under the ego's route.
+    pub(super) fn on(&self, route: Route) -> MapCourse {
+        let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
+        MapCourse { file, text, map, route }
+    }
+}
+
+/// Stop line of a signal on a route: where a lane is crossed by one of its lines, or shortly before the end of a lane
+/// before a junction. A signal for the lanes of some turns holds only for these.
+fn stop_s_m(map: &Map, route: &Route, signal: &Signal) -> Option<f64> {
+    let stretches = route.stretches();
+    let obeys = |lane| signal.lanes.binary_search(&lane).is_ok();
+    let is_inside = |lane| map.is_in_junction(lane);
+    stretches.iter().enumerate().find_map(|(k, stretch)| {
+        let next = stretches.get(k + 1).map(|next| next.lane);
+        let lane = map.lane(stretch.lane).filter(|_| !is_inside(stretch.lane))?;
+        let lines = map.stop_lines_of(stretch.lane);
+        let line = lines.iter().find(|line| line.signals.binary_search(&signal.id).is_ok());
+        let is_for_turn = next.is_some_and(|next| is_inside(next) && obeys(next));
+        let is_for_any = obeys(stretch.lane) || !signal.lanes.iter().any(|lane| is_inside(*lane));
+        match line {
+            Some(line) if is_for_turn || is_for_any => Some(stretch.begin_m + line.s_m),
+            None if obeys(stretch.lane) || is_for_turn => {
+                Some(stretch.begin_m + (lane.line.length() - BEFORE_END_M).max(0.0))
+            }
+            _ => None,
+        }
+    })
+}
+
+/// Line of an actor's own way.
+pub(super) fn line_of(course: Course) -> Arc<Polyline> {
+    Arc::new(course.route.line().clone())
+}
