@@ -3,6 +3,7 @@
 use swerve_core::Span;
 use swerve_eval::{Evaluation, Norm, Outline};
 use swerve_flow::{Event, Observer};
+use swerve_geom::{LineTracker, Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
 use swerve_stack::pipeline::Pipeline;
@@ -38,12 +39,17 @@ impl Publishers {
     }
 }
 
+/// Search range for the corners of the ego's outline along the route, metres.
+const CORNER_REACH_M: f64 = 15.0;
+
 /// Feeds the evaluation with the engine's events.
 pub(crate) struct Measured {
     pub(crate) evaluation: Evaluation,
     operators: Vec<String>,
     publishers: Publishers,
     route: Route,
+    /// Position of the ego along the route.
+    place: LineTracker,
     shape: Shape,
     pub(crate) road_margin_m: f64,
     pub(crate) rungs: Rungs,
@@ -83,10 +89,18 @@ impl Measured {
             operators,
             publishers: Publishers::new(pipeline),
             route: pipeline.route.clone(),
+            place: LineTracker::default(),
             shape,
             road_margin_m: f64::INFINITY,
             rungs: Rungs::default(),
         })
+    }
+
+    /// Smallest distance of the ego's outline from the border of the drivable ground, metres.
+    fn margin_m(&mut self, pose: Pose2) -> f64 {
+        let s_m = self.place.locate(self.route.line(), pose).s_m;
+        let near = |corner: Point2| self.route.project_near(corner, s_m, CORNER_REACH_M);
+        self.route.borders().margin_m(self.shape.footprint(pose).corners(), near)
     }
 
     fn operator(&self, name: &str) -> Option<usize> {
@@ -107,8 +121,8 @@ impl Observer for Measured {
                 }
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
                     evaluation.world(world);
-                    let footprint = self.shape.footprint(world.ego.state.pose);
-                    self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
+                    let margin_m = self.margin_m(world.ego.state.pose);
+                    self.road_margin_m = self.road_margin_m.min(margin_m);
                 } else if let (Some(imu), true) = (payload.downcast_ref::<Imu>(), is_of(&self.publishers.imu))
                 {
                     evaluation.imu(imu);

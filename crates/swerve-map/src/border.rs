@@ -119,6 +119,14 @@ impl Border {
         }
     }
 
+    /// Stations of a linear border in a range of arc lengths, metres.
+    fn stations_between(&self, [from_m, to_m]: [f64; 2]) -> &[Station] {
+        let stations = self.stations();
+        let begin = stations.partition_point(|x| x.s_m < from_m);
+        let count = stations[begin..].partition_point(|x| x.s_m <= to_m);
+        &stations[begin..begin + count]
+    }
+
     /// Largest distance from the line, metres.
     pub fn max_m(&self) -> f64 {
         self.distances().fold(f64::NEG_INFINITY, f64::max)
@@ -131,7 +139,7 @@ impl Border {
 
     /// Smallest distance from the line over the given range of arc lengths, metres.
     pub fn min_between_m(&self, [from_m, to_m]: [f64; 2]) -> f64 {
-        let within = self.stations().iter().filter(|x| from_m < x.s_m && x.s_m <= to_m);
+        let within = self.stations_between([from_m, to_m]).iter().filter(|x| from_m < x.s_m);
         within.map(|x| x.distance_m).fold(self.at(from_m).min(self.at(to_m)), f64::min)
     }
 
@@ -305,7 +313,10 @@ impl Borders {
     pub fn margin_m(&self, corners: [Point2; 4], project: impl Fn(Point2) -> FrenetPoint) -> f64 {
         let places = corners.map(&project);
         let mut margin_m = places.into_iter().fold(f64::INFINITY, |m, place| m.min(self.room_m(place)));
-        for station in self.left.stations().iter().chain(self.right.stations()) {
+        let ends = places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low_m, high_m], place| {
+            [low_m.min(place.s_m), high_m.max(place.s_m)]
+        });
+        for station in self.left.stations_between(ends).iter().chain(self.right.stations_between(ends)) {
             for (i, from) in places.into_iter().enumerate() {
                 let next = (i + 1) % 4;
                 let share = (station.s_m - from.s_m) / (places[next].s_m - from.s_m);

@@ -107,7 +107,7 @@ impl Fot {
     /// Sets route and obstacles.
     fn set_world(&mut self, request: &Request<'_>, collision: CollisionMode) {
         self.line.follow(request.route.line());
-        self.road.set(request.route);
+        self.road.set_near(request);
         let center = request.start.pose.point();
         self.obstacles.set_near(request.predictions, collision, center, self.params.obstacle_range_m);
     }
@@ -181,7 +181,7 @@ impl Fot {
     /// Place of the start along the route's line.
     pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
         self.line.follow(request.route.line());
-        self.road.set(request.route);
+        self.road.set_near(request);
         self.line.locate_from(request.start.pose, request.place().s_m)
     }
 

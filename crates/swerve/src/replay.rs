@@ -20,7 +20,6 @@ use swerve_msg::{Image, LocalPose, PointCloud, PoseMatch, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::Progress;
-use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::config::programs::Layer;
 use swerve_stack::config::{Config, Images};

@@ -12,6 +12,10 @@ pub const CHANGE_LENGTH_M: f64 = 60.0;
 /// Distance from the start of a way to its first change, metres.
 const BEFORE_CHANGE_M: f64 = 5.0;
 
+/// Largest distance of a point from the chord that skips it, metres, and length of a chord: 0.7 m at a radius of 6 m.
+const CHORD_M: f64 = 0.01;
+const CHORD_MAX_M: f64 = 5.0;
+
 /// Distance of points and stations where lanes are sampled, metres.
 const SAMPLE_M: f64 = 1.0;
 
@@ -224,14 +228,37 @@ fn smooth(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
-/// Adds a whole lane; in a junction with all ground beside it.
+/// Adds a whole lane, of which fewer points are kept; in a junction with all ground beside it.
 fn add_lane(map: &Map, parts: &mut Parts, lane: &Lane) {
-    if !map.is_in_junction(lane.id) {
-        return parts.add_lane(map, lane);
-    }
-    let ground = junction_ground(map, lane);
+    let ground = match map.is_in_junction(lane.id) {
+        true => junction_ground(map, lane),
+        false => drivable(map, lane),
+    };
+    let points = thinned(lane.line.points());
+    let length_m: f64 = points.windows(2).map(|two| two[0].distance(two[1])).sum();
+    let scaled = |borders: &Borders| {
+        let side = |border: &Border| border.along(0.0, length_m / lane.line.length());
+        Borders::new(side(borders.left()), side(borders.right()))
+    };
     parts.stretch(map, lane, 0.0);
-    parts.add(&lane.line.points()[1..], lane.line.length(), &ground, &lane.borders);
+    parts.add(&points[1..], length_m, &scaled(&ground), &scaled(&lane.borders));
+}
+
+/// Points of a line without those that are within [`CHORD_M`] of the chords that skip them: maps have many more points
+/// in bends than driving needs.
+fn thinned(points: &[Point2]) -> Vec<Point2> {
+    let mut kept = vec![points[0]];
+    let mut from = 0;
+    for to in 2..points.len() {
+        let chord = points[to] - points[from];
+        let is_near = |point: &Point2| chord.cross(*point - points[from]).abs() <= CHORD_M * chord.norm();
+        if chord.norm() > CHORD_MAX_M || !points[from + 1..to].iter().all(is_near) {
+            from = to - 1;
+            kept.push(points[from]);
+        }
+    }
+    kept.push(points[points.len() - 1]);
+    kept
 }
 
 /// Borders of the ground beside a lane of a junction, up to the first place without a drivable lane.

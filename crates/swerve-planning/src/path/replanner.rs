@@ -85,7 +85,7 @@ impl Replanner {
         request: &Request<'_>,
         budget: &mut dyn Budget,
     ) -> Plan {
-        self.road.set(request.route);
+        self.road.set_near(request);
         let mut counted = Counted::new(budget);
         let modes = settings.collision.in_order();
         let mut found = None;
