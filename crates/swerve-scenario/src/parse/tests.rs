@@ -1,6 +1,6 @@
 use swerve_msg::ActorId;
 
-use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trigger, Verdict};
+use crate::{Cycle, Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trigger, Verdict};
 
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
 

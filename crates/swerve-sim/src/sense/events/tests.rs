@@ -1,7 +1,8 @@
 use swerve_core::Time;
 use swerve_geom::Pose2;
 use swerve_msg::truth::{Collision, InfractionKind};
-use swerve_msg::{ActorId, ActorKind, Command};
+use swerve_msg::{ActorId, ActorKind, Command, RoadLine};
+use swerve_scenario::{Course, Cycle};
 
 use super::*;
 use crate::sense::tests::{actor, person, world};
@@ -73,7 +74,9 @@ fn position_along_the_road_and_line_are_reported() {
 #[test]
 fn side_midpoints_count_on_a_bend() {
     let bend = swerve_scenario::Segment { length_m: 100.0, curvature_1pm: 0.05 };
-    let road = Road { segments: vec![bend], ..road() };
+    let mut road = road();
+    let Course::Strip(strip) = &mut road.course else { panic!("it is a map") };
+    strip.segments = vec![bend];
     let (line, shape) = (road.line(), Shape::default());
     // On a left circle of 20 m, the midpoint of the left side is 0.93 m left of the centre; the corners are at a radius
     // of hypot(20 - 0.93, 2.465) and so closer to the centre line.
@@ -107,13 +110,9 @@ fn driving_off_the_road_crosses_its_lines_and_is_then_an_infraction() {
 fn light(green_s: f64, yellow_s: f64, red_s: f64) -> Road {
     let light = TrafficLight {
         name: "light".into(),
-        s_m: 52.0,
-        d_m: -3.0,
-        stop_s_m: 50.0,
-        green_s,
-        yellow_s,
-        red_s,
-        offset_s: 0.0,
+        pose: Pose2::new(52.0, -3.0, 0.0),
+        stop_s_m: Some(50.0),
+        cycle: Cycle { green_s, yellow_s, red_s, offset_s: 0.0 },
     };
     Road { lights: vec![light], ..road() }
 }
@@ -163,9 +162,10 @@ fn waiting_car_causes_no_event_and_a_passing_one_causes_one() {
 #[test]
 fn each_light_of_a_road_is_judged_separately() {
     let mut road = light(1.0, 1.0, 1000.0);
-    let second =
-        TrafficLight { name: "second".into(), stop_s_m: 50.2, green_s: 900.0, ..road.lights[0].clone() };
-    let third = TrafficLight { name: "third".into(), stop_s_m: 50.4, ..road.lights[0].clone() };
+    let first = &road.lights[0];
+    let cycle = Cycle { green_s: 900.0, ..first.cycle };
+    let second = TrafficLight { name: "second".into(), stop_s_m: Some(50.2), cycle, ..first.clone() };
+    let third = TrafficLight { name: "third".into(), stop_s_m: Some(50.4), ..first.clone() };
     road.lights.extend([second, third]);
     let lights: Vec<u32> =
         passed(&road, Time::from_ms(5000), &[49.0, 51.0]).iter().map(|e| e.light).collect();

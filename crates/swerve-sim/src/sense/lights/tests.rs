@@ -1,6 +1,8 @@
 use swerve_core::Time;
-use swerve_geom::{Point, Transform};
+use swerve_geom::{Point, Pose2, Transform};
 use swerve_msg::{ActorKind, Signal};
+
+use swerve_scenario::Cycle;
 
 use super::*;
 use crate::sense::tests::{actor, world};
@@ -11,13 +13,9 @@ use swerve_vehicle::Shape;
 fn road() -> Road {
     let light = Light {
         name: "crossing".into(),
-        s_m: 60.0,
-        d_m: -3.0,
-        stop_s_m: 58.0,
-        green_s: 2.0,
-        yellow_s: 3.0,
-        red_s: 10.0,
-        offset_s: 0.0,
+        pose: Pose2::new(60.0, -3.0, 0.0),
+        stop_s_m: Some(58.0),
+        cycle: Cycle { green_s: 2.0, yellow_s: 3.0, red_s: 10.0, offset_s: 0.0 },
     };
     Road { lights: vec![light], ..scenario(PERSON_BEHIND_TRUCK).road }
 }
