@@ -12,6 +12,7 @@ pub mod lanes;
 pub mod learned;
 pub mod linear;
 mod net;
+mod own_way;
 mod past;
 mod predictor;
 pub mod recorded;
@@ -19,6 +20,7 @@ pub mod road;
 mod wander;
 
 pub use history::{History, HistoryParams};
+pub use own_way::OwnWays;
 pub use predictor::{
     Ground, Horizon, Predictor, PredictorName, Telling, Told, foretold, predict, predict_by, shipped,
 };

@@ -3,6 +3,8 @@
 //! The predictor `truth` gets its data from the simulated world, as an emulated detector does: it reads every state of
 //! it.
 
+use std::sync::Arc;
+
 use swerve_core::Time;
 use swerve_flow::{
     At, Context, Inputs, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
@@ -10,7 +12,8 @@ use swerve_flow::{
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::{Ground, Horizon, Predictor, Telling, foretold};
+use swerve_prediction::{Ground, Horizon, OwnWays, Predictor, Telling, foretold};
+use swerve_scenario::Course;
 use swerve_sim::{Ahead, SimParams};
 use swerve_text::{KeyProblem, in_one_line};
 
@@ -36,6 +39,8 @@ struct ByTracks {
     covariances: bool,
     /// Road that vehicles are predicted along.
     road: Option<Route>,
+    /// Ways of those that do not follow the road, on a map.
+    ways: Option<OwnWays>,
 }
 
 /// Tracks for a predictor.
@@ -108,7 +113,12 @@ impl OperatorKind for Predictors {
         let weights = prediction.file_weights().map_err(wrong)?;
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("prediction: {}", in_one_line(&found));
         let predictor = prediction.built(&config.registry, weights.as_ref()).map_err(wrong)?;
-        site.add(ByTracks { predictor, horizon, covariances, road }, None)
+        let map = match &site.surroundings().scenario.road.course {
+            Course::Map(course) => Some(Arc::clone(&course.map)),
+            Course::Strip(_) => None,
+        };
+        let ways = road.as_ref().and(map).map(OwnWays::new);
+        site.add(ByTracks { predictor, horizon, covariances, road, ways }, None)
     }
 }
 
@@ -127,8 +137,11 @@ impl Operator for ByTracks {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
-            let ground = Ground::road(self.road.as_ref());
-            let list = self.predictor.predict(tracks, &self.horizon, ground);
+            let (predictor, horizon) = (&mut *self.predictor, &self.horizon);
+            let list = match (&mut self.ways, &self.road) {
+                (Some(ways), Some(road)) => ways.predict(predictor, tracks, horizon, road),
+                (_, road) => predictor.predict(tracks, horizon, Ground::road(road.as_ref())),
+            };
             out.loan().send(published(list, self.covariances));
         }
     }

@@ -1,0 +1,152 @@
+//! Ways of road users over a map that do not follow the ego's route.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use swerve_geom::{Point2, Vector2, angle_between};
+use swerve_map::{Lane, LaneId, Map};
+use swerve_msg::{ActorKind, PredictionList, Route, Track, TrackList};
+
+use crate::road::{place_of, share_along};
+use crate::{Ground, Horizon, Predictor};
+
+/// Smallest speed of a vehicle that is taken to follow a lane, m/s.
+const SPEED_MIN_MPS: f64 = 1.0;
+/// Largest angle between its motion and the lane, radians.
+const ALONG_RAD: f64 = 0.6;
+/// Angle that counts as much as a metre from the centre of the lane, radians.
+const RAD_PER_M: f64 = 0.1;
+/// Length of a way beyond the lane that it begins on, metres: beyond the travel of any vehicle within a horizon.
+const REACH_M: f64 = 150.0;
+/// Largest number of lanes in a way.
+const LANES_MAX: usize = 64;
+/// Length over which the curvature of a lane is averaged, metres.
+const BEND_M: f64 = 10.0;
+
+/// Ways over a map, by the lane that they begin on.
+///
+/// A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
+/// before: straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is
+/// nearest to that of the vehicle.
+#[derive(Clone, Debug)]
+pub struct OwnWays {
+    map: Arc<Map>,
+    ways: BTreeMap<LaneId, Option<Route>>,
+}
+
+impl OwnWays {
+    /// Creates ways over a map.
+    pub fn new(map: Arc<Map>) -> Self {
+        Self { map, ways: BTreeMap::new() }
+    }
+
+    /// Predicts tracks: those along the ego's route together, on its road; each other vehicle on the road of its own way;
+    /// all others together, without a road.
+    pub fn predict(
+        &mut self,
+        predictor: &mut dyn Predictor,
+        tracks: &TrackList,
+        horizon: &Horizon,
+        ego: &Route,
+    ) -> PredictionList {
+        let (mut together, mut open, mut own) = (Vec::new(), Vec::new(), Vec::new());
+        for track in &tracks.tracks {
+            let lane = self.lane_of(track);
+            match lane {
+                _ if is_along(ego, track) => together.push(track.clone()),
+                Some(lane) => own.push((lane, track.clone())),
+                None => open.push(track.clone()),
+            }
+        }
+        let list = |tracks_of: Vec<Track>| TrackList { stamp: tracks.stamp, tracks: tracks_of };
+        if own.is_empty() {
+            together.append(&mut open);
+            together.sort_by_key(|track| track.id);
+            return predictor.predict(&list(together), horizon, Ground::Road(ego));
+        }
+        let mut all = predictor.predict(&list(together), horizon, Ground::Road(ego));
+        all.predictions.extend(predictor.predict(&list(open), horizon, Ground::Open).predictions);
+        for (lane, track) in own {
+            let ground = Ground::road(self.way(lane));
+            all.predictions.extend(predictor.predict(&list(vec![track]), horizon, ground).predictions);
+        }
+        all.predictions.sort_by_key(|one| one.id);
+        // Modes of different predictions do not occur together.
+        all.joint = false;
+        all
+    }
+
+    /// The lane that a vehicle follows; `None` if it is on none, or hardly moves.
+    fn lane_of(&self, track: &Track) -> Option<LaneId> {
+        let (point, velocity_mps): (Point2, Vector2) = (track.pose.point(), track.velocity_mps);
+        if track.kind == ActorKind::Pedestrian || velocity_mps.norm() < SPEED_MIN_MPS || !track.is_plausible()
+        {
+            return None;
+        }
+        let off = |lane: &Lane, s_m: f64, d_m: f64| {
+            let off_rad = angle_between(lane.line.at(s_m).pose.heading_rad, velocity_mps.heading()).abs();
+            let bend_1pm = self.bend_in_1pm(lane).abs();
+            (off_rad < ALONG_RAD).then_some((off_rad + RAD_PER_M * d_m.abs(), bend_1pm))
+        };
+        let places = self.map.at(point).filter_map(|place| {
+            let lane = self.map.lane(place.lane).filter(|lane| lane.kind.is_drivable())?;
+            Some((off(lane, place.place.s_m, place.place.d_m)?, lane.id))
+        });
+        let nearest = places.min_by(|((a, a_bend), a_id), ((b, b_bend), b_id)| {
+            a.total_cmp(b).then(a_bend.total_cmp(b_bend)).then(a_id.cmp(b_id))
+        });
+        nearest.map(|(_, lane)| lane)
+    }
+
+    /// Change of the curvature into a lane from its first predecessor, 1/m.
+    fn bend_in_1pm(&self, lane: &Lane) -> f64 {
+        let before = self.map.predecessors(lane.id).first().and_then(|id| self.map.lane(*id));
+        begin_1pm(lane) - before.map_or(0.0, end_1pm)
+    }
+
+    /// The way from a lane on.
+    fn way(&mut self, from: LaneId) -> Option<&Route> {
+        let map = &self.map;
+        self.ways.entry(from).or_insert_with(|| Route::along(map, &chain(map, from)).ok()).as_ref()
+    }
+}
+
+/// Lanes from one on.
+fn chain(map: &Map, from: LaneId) -> Vec<LaneId> {
+    let mut lanes = vec![from];
+    let (mut at, mut length_m) = (map.lane(from), 0.0);
+    while let Some(lane) = at.filter(|_| length_m < REACH_M && lanes.len() < LANES_MAX) {
+        let change_1pm = |next: &Lane| (begin_1pm(next) - end_1pm(lane)).abs();
+        let nexts = lane.successors.iter().filter_map(|id| map.lane(*id));
+        at = nexts.min_by(|a, b| change_1pm(a).total_cmp(&change_1pm(b)).then(a.id.cmp(&b.id)));
+        if let Some(next) = at {
+            lanes.push(next.id);
+            length_m += next.line.length();
+        }
+    }
+    lanes
+}
+
+/// Mean curvature of the first metres of a lane, 1/m.
+fn begin_1pm(lane: &Lane) -> f64 {
+    mean_1pm(lane, [0.0, BEND_M.min(lane.line.length())])
+}
+
+/// Mean curvature of the last metres of a lane, 1/m.
+fn end_1pm(lane: &Lane) -> f64 {
+    let length_m = lane.line.length();
+    mean_1pm(lane, [(length_m - BEND_M).max(0.0), length_m])
+}
+
+fn mean_1pm(lane: &Lane, [from_m, to_m]: [f64; 2]) -> f64 {
+    let [begin, end] = [from_m, to_m].map(|s_m| lane.line.at(s_m).pose.heading_rad);
+    angle_between(begin, end) / (to_m - from_m).max(1e-6)
+}
+
+fn is_along(route: &Route, track: &Track) -> bool {
+    let place = place_of(route, track.pose.point(), track.velocity_mps);
+    share_along(route, place, track.velocity_mps).is_some()
+}
+
+#[cfg(test)]
+mod tests;

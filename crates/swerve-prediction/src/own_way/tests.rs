@@ -1,0 +1,79 @@
+use swerve_core::{Span, Time};
+use swerve_geom::{Polyline, Pose2, math};
+use swerve_map::Borders;
+use swerve_msg::{ActorId, Extent};
+
+use super::*;
+use crate::{PredictorName, predict};
+
+/// Constant velocity on whatever ground.
+struct Constant;
+
+impl Predictor for Constant {
+    fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList {
+        predict(PredictorName::ConstantVelocity, tracks, horizon, ground)
+    }
+}
+
+fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
+    let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
+    let successors = successors.iter().map(|id| LaneId(*id)).collect();
+    Lane { successors, ..Lane::new(LaneId(id), Polyline::new(&points).unwrap(), Borders::constant(2.0, 2.0)) }
+}
+
+/// A ring of 20 m radius, in quarters 0 to 3 from (20, 0) on, and an exit at (0, 20), straight to the west.
+fn ring() -> Arc<Map> {
+    let quarter = |k: u32| {
+        let at = |j: u32| {
+            let (sin, cos) =
+                math::sin_cos(core::f64::consts::FRAC_PI_2 * (f64::from(k) + f64::from(j) / 20.0));
+            (20.0 * cos, 20.0 * sin)
+        };
+        let points: Vec<(f64, f64)> = (0..=20).map(at).collect();
+        let next = (k + 1) % 4;
+        lane(k, &points, if k == 0 { &[4, 1][..] } else { core::slice::from_ref(&next) })
+    };
+    let mut lanes: Vec<Lane> = (0..4).map(quarter).collect();
+    lanes.push(lane(4, &[(0.0, 20.0), (-80.0, 20.0)], &[]));
+    Arc::new(Map::new(lanes).unwrap())
+}
+
+fn predicted(map: &Arc<Map>, (x, y): (f64, f64), (vx, vy): (f64, f64)) -> Vec<Point2> {
+    let velocity_mps = Vector2::new(vx, vy);
+    let pose = Pose2::new(x, y, velocity_mps.heading());
+    let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
+    let history = Vec::new();
+    let track = Track { id: ActorId(7), kind: ActorKind::Car, pose, velocity_mps, extent, history };
+    let tracks = TrackList { stamp: Time::ZERO, tracks: vec![track] };
+    let horizon = Horizon { steps: 20, step: Span::from_ms(200) };
+    let far = Polyline::new(&[Point2::new(500.0, 0.0), Point2::new(600.0, 0.0)]).unwrap();
+    let ego = Route::uniform(far, 2.0, 2.0);
+    let list = OwnWays::new(Arc::clone(map)).predict(&mut Constant, &tracks, &horizon, &ego);
+    let [only] = &list.predictions[..] else { panic!("{list:?}") };
+    only.path.iter().map(|place| place.pose.point()).collect()
+}
+
+#[test]
+fn vehicle_on_a_ring_is_expected_to_go_around() {
+    // 4 s at 8 m/s are 32 m, a quarter of the ring.
+    let places = predicted(&ring(), (20.0, 0.1), (0.0, 8.0));
+    for place in &places {
+        assert!((math::hypot(place.x_m, place.y_m) - 20.0).abs() < 0.5, "{place:?}");
+    }
+    let end = places[places.len() - 1];
+    assert!(end.distance(Point2::new(0.0, 20.0)) < 1.0, "{end:?}");
+    let later = predicted(&ring(), (0.5, 20.0), (-8.0, 0.1));
+    assert!(later[20].distance(Point2::new(-20.0, 0.0)) < 2.0, "past the exit: {:?}", later[20]);
+}
+
+#[test]
+fn vehicle_on_the_exit_leaves() {
+    let end = predicted(&ring(), (-12.0, 20.0), (-8.0, 0.0))[20];
+    assert!(end.distance(Point2::new(-44.0, 20.0)) < 0.5, "{end:?}");
+}
+
+#[test]
+fn vehicle_beside_all_lanes_goes_straight_on() {
+    let end = predicted(&ring(), (40.0, 40.0), (-8.0, 0.0))[20];
+    assert!(end.distance(Point2::new(8.0, 40.0)) < 0.5, "{end:?}");
+}
