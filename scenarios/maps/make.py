@@ -36,10 +36,6 @@ class Piece:
         return Piece(-self.length, self.end, self.begin)
 
 
-def line(length):
-    return Piece(length)
-
-
 def arc(turn, radius):
     """Arc that turns by an angle, radians, positive to the left."""
     curvature = math.copysign(1 / radius, turn)
@@ -73,8 +69,8 @@ class Lane:
     # Road mark at the outer border.
     mark: str = "none"
     # Lanes that it continues and that continue it.
-    before: int = None
-    after: int = None
+    before: int | None = None
+    after: int | None = None
 
 
 def linked(lanes, before=(), after=()):
@@ -103,8 +99,8 @@ class Section:
     center: str = "none"
 
 
-def section(right, center="none"):
-    """The one section of a road with lanes at the right only."""
+def one_section(right, center="none"):
+    """The only section of a road, with lanes at the right side."""
     return [Section(0.0, right, center=center)]
 
 
@@ -114,12 +110,12 @@ class Signal:
     s: float
     t: float
     kind: str
+    # Width and height, metres.
+    size: tuple
     country: str = "DE"
     z: float = 0.0
-    # Width and height, metres.
-    size: tuple = None
     # Name of the stop line that it belongs to.
-    line: str = None
+    line: str | None = None
 
 
 @dataclass
@@ -131,11 +127,11 @@ class Road:
     start: Pose
     pieces: list
     sections: list
-    # Number of the junction that it is in.
+    # Number of its junction.
     junction: int = -1
     # What it continues and what continues it: kind, number and, for a road, its end.
-    before: tuple = None
-    after: tuple = None
+    before: tuple | None = None
+    after: tuple | None = None
     signals: list = field(default_factory=list)
 
     def length(self):
@@ -194,8 +190,8 @@ def add_road(root, road):
     add(add(element, "type", s=0.0, type=kind), "speed", max=limit, unit="km/h")
     add_plan_view(add(element, "planView"), road)
     lanes = add(element, "lanes")
-    for section in road.sections:
-        add_section(add(lanes, "laneSection", s=section.s), section)
+    for one in road.sections:
+        add_section(add(lanes, "laneSection", s=one.s), one)
     if road.signals:
         signals = add(element, "signals")
         for signal in road.signals:
@@ -212,8 +208,8 @@ def add_links(element, road):
 def add_plan_view(element, road):
     s = 0.0
     for pose, piece in zip(road.poses(), road.pieces):
-        heading = math.remainder(pose.heading, math.tau)
-        place = {"x": rounded(pose.x), "y": rounded(pose.y), "hdg": rounded(heading)}
+        heading = rounded(math.remainder(pose.heading, math.tau))
+        place = {"x": rounded(pose.x), "y": rounded(pose.y), "hdg": heading}
         geometry = add(element, "geometry", s=rounded(s), **place, length=rounded(piece.length))
         if piece.begin != piece.end:
             add(geometry, "spiral", curvStart=piece.begin, curvEnd=piece.end)
@@ -258,7 +254,7 @@ def add_signal(parent, signal):
     dynamic = "yes" if signal.country == "OpenDRIVE" else "no"
     place = {"s": signal.s, "t": signal.t, "zOffset": signal.z}
     kind = {"dynamic": dynamic, "orientation": "+", "country": signal.country, "type": signal.kind, "subtype": "-1"}
-    size = dict(zip(("width", "height"), signal.size or ()))
+    size = dict(zip(("width", "height"), signal.size))
     element = add(parent, "signal", name=signal.name, id=signal.name, **place, **kind, **size)
     add(element, "validity", fromLane=-1, toLane=-1)
     if signal.line:
@@ -304,15 +300,11 @@ def document(network):
 ARMS = ("east", "north", "west", "south")
 TOWN = ("town", 50)
 LANE_M = 3.5
-SIDEWALK_M = 2.0
-# Distances of stop lines from the end of the arm. Lights are at its end.
-STOP_M = 2.0
-YIELD_M = 0.5
 
 
-def street(width=None):
+def street(width=constant(LANE_M)):
     """Lanes of one side of a street."""
-    return [Lane("driving", width or constant(LANE_M), "solid"), Lane("sidewalk", constant(SIDEWALK_M))]
+    return [Lane("driving", width, "solid"), Lane("sidewalk", constant(2.0))]
 
 
 def arm(k, inner, length, junction):
@@ -321,34 +313,34 @@ def arm(k, inner, length, junction):
     outer = inner + length
     start = Pose(outer * math.cos(angle), outer * math.sin(angle), angle + math.pi)
     sections = [Section(0.0, street(), street(), "broken")]
-    return Road(k + 1, ARMS[k], TOWN, start, [line(length)], sections, after=("junction", junction))
+    return Road(k + 1, ARMS[k], TOWN, start, [Piece(length)], sections, after=("junction", junction))
 
 
-def add_signals(arm, before_end, line_kind, signal):
-    """Adds a stop line to an arm, and a signal beside the lane that belongs to it."""
-    signal.t, signal.line = -LANE_M - 0.5, f"line_{arm.name}"
-    stop = Signal(signal.line, arm.length() - before_end, -LANE_M / 2, line_kind, size=(LANE_M, 0.5))
-    arm.signals = [stop, signal]
+def add_signals(arm, name, line_kind, line_m, signal_m, **signal):
+    """Adds a stop line to an arm, and its signal beside the lane; distances are from the end of the arm."""
+    line = f"line_{arm.name}"
+    arm.signals = [
+        Signal(line, arm.length() - line_m, -LANE_M / 2, line_kind, size=(LANE_M, 0.5)),
+        Signal(f"{name}_{arm.name}", arm.length() - signal_m, -LANE_M - 0.5, line=line, **signal),
+    ]
 
 
 def add_light(arm):
-    light = Signal(f"light_{arm.name}", arm.length(), 0.0, "1000001", "OpenDRIVE", 2.2, (0.3, 0.9))
-    add_signals(arm, STOP_M, "294", light)
+    add_signals(arm, "light", "294", 2.0, 0.0, kind="1000001", country="OpenDRIVE", z=2.2, size=(0.3, 0.9))
 
 
 def add_yield_sign(arm):
-    sign = Signal(f"yield_{arm.name}", arm.length() - YIELD_M, 0.0, "205", "DE", 2.0, (0.9, 0.9))
-    add_signals(arm, YIELD_M, "341", sign)
+    add_signals(arm, "yield", "341", 0.5, 0.5, kind="205", z=2.0, size=(0.9, 0.9))
 
 
 def through_crossing(a, b, radius):
     """Road from arm to arm: an arc or a line between their centre lines. The sidewalk follows the right turns."""
-    piece = {1: arc(-QUARTER, radius), 2: line(2 * radius), 3: arc(QUARTER, radius)}[(b.number - a.number) % 4]
+    piece = {1: arc(-QUARTER, radius), 2: Piece(2 * radius), 3: arc(QUARTER, radius)}[(b.number - a.number) % 4]
     lanes = street() if piece.begin < 0 else street()[:1]
     lanes[0].mark = "none"
     ends = {"before": ("road", a.number, "end"), "after": ("road", b.number, "end")}
     number, name = 10 * a.number + b.number, f"{a.name} to {b.name}"
-    return Road(number, name, TOWN, a.end(), [piece], section(linked(lanes, (-1, -2), (1, 2))), 100, **ends)
+    return Road(number, name, TOWN, a.end(), [piece], one_section(linked(lanes, (-1, -2), (1, 2))), 100, **ends)
 
 
 def conflict(one, other):
@@ -409,16 +401,12 @@ def around_arm(arm, angle, border, apart):
         Pose(border * math.cos(at), border * math.sin(at), at + QUARTER) for at in (angle - apart, angle + apart)
     )
     turn, past, along = arc(apart - QUARTER, TURN_RADIUS_M), arc(2 * apart, border), arc(QUARTER - 2 * apart, border)
-    ring = constant(RING_LANE_M)
-    wider, narrower = (
-        smooth(*widths, turn.length) for widths in ((LANE_M, RING_LANE_M), (RING_LANE_M, LANE_M))
-    )
-    entry = section(linked(street(wider), (-1, -2), (-1, -2)))
-    leave = section(linked(street(narrower), (-1, -2), (1, 2)))
-    across = section(linked([Lane("driving", ring)], (-1,), (-1,)), "solid")
+    entry = one_section(linked(street(smooth(LANE_M, RING_LANE_M, turn.length)), (-1, -2), (-1, -2)))
+    leave = one_section(linked(street(smooth(RING_LANE_M, LANE_M, turn.length)), (-1, -2), (1, 2)))
+    across = one_section(linked([Lane("driving", constant(RING_LANE_M))], (-1,), (-1,)), "solid")
     of_arm, last = ("road", number, "end"), ("road", 10 + last_number, "end")
     following, next_junction = ("road", 10 + number, "start"), ("junction", 100 + next_number)
-    between = section(street(ring), "solid")
+    between = one_section(street(constant(RING_LANE_M)), "solid")
     return [
         Road(10 + number, f"ring {name}", TOWN, end, [along], between, -1, ("junction", junction), next_junction),
         Road(20 + number, f"entry {name}", TOWN, arm.end(), [turn], entry, junction, of_arm, following),
@@ -440,9 +428,9 @@ def ramp():
 
     # The shoulder before the ramp closes as the spiral comes nearer, with the cube of the distance.
     closing = tuple(shoulder_m * factor / join_m**k for k, factor in enumerate((1, -3, 3, -1)))
-    start = [lane("broken"), lane("solid"), shoulder()]
+    start = one_section([lane("broken"), lane("solid"), shoulder()], "solid")
     main = linked([lane("broken"), lane("solid"), shoulder(closing)], (-1, -2, -3), (-1, -2))
-    on_ramp = [lane("solid", "onRamp"), shoulder()]
+    on_ramp = one_section([lane("solid", "onRamp"), shoulder()], "solid")
     joining = linked([lane("solid", "onRamp"), shoulder()], (-1, -2), (-3, -4))
     entry = [lane("broken"), lane("broken"), lane("solid", "entry"), shoulder()]
     ending = [lane("broken"), lane("broken"), lane("solid", "entry", smooth(width, 0.0, narrow_m)), shoulder()]
@@ -452,24 +440,21 @@ def ramp():
         Section(250.0, linked(ending, (-1, -2, -3, -4), (-1, -2, None, -3)), center="solid"),
         Section(250.0 + narrow_m, last, center="solid"),
     ]
-
     curvature = -6 * shoulder_m / join_m**2
     join = Piece(join_m, curvature, 0.0)
-    pieces = [line(60.0), Piece(60.0, 0.0, curvature), Piece(130.0, curvature, curvature)]
-    begin, split, end = Pose(0.0, 0.0, 0.0), Pose(280.0, 0.0, 0.0), Pose(280.0 + join_m, 0.0, 0.0)
+    pieces = [Piece(60.0), Piece(60.0, 0.0, curvature), Piece(130.0, curvature, curvature)]
+    begin, split, end = (Pose(x, 0.0, 0.0) for x in (0.0, 280.0, 280.0 + join_m))
     joins = Pose(end.x, -2 * width, 0.0).after(join.reversed())
     ramp_begin = joins
     for piece in reversed(pieces):
         ramp_begin = ramp_begin.after(piece.reversed())
-
     junction, to_end = ("junction", 100), ("road", 2, "start")
-    before, rest = section(start, "solid"), [line(900.0 - end.x)]
-    inside, onto = section(main, "solid"), section(joining, "solid")
+    inside, onto = one_section(main, "solid"), one_section(joining, "solid")
     roads = [
-        Road(1, "motorway before the ramp", motorway, begin, [line(split.x)], before, after=junction),
-        Road(2, "motorway after the ramp", motorway, end, rest, after, before=junction),
-        Road(3, "ramp", slow, ramp_begin, pieces, section(on_ramp, "solid"), after=junction),
-        Road(12, "motorway", motorway, split, [line(join_m)], inside, 100, ("road", 1, "end"), to_end),
+        Road(1, "motorway before the ramp", motorway, begin, [Piece(split.x)], start, after=junction),
+        Road(2, "motorway after the ramp", motorway, end, [Piece(900.0 - end.x)], after, before=junction),
+        Road(3, "ramp", slow, ramp_begin, pieces, on_ramp, after=junction),
+        Road(12, "motorway", motorway, split, [Piece(join_m)], inside, 100, ("road", 1, "end"), to_end),
         Road(32, "ramp to motorway", slow, joins, [join], onto, 100, ("road", 3, "end"), to_end),
     ]
     return Network("ramp", roads, [Junction(100, "ramp")])
@@ -478,13 +463,10 @@ def ramp():
 def two_lane_road():
     """A rural road with a bend to the left of 86 degrees."""
     curvature = 1 / 120
-    to_arc, from_arc = Piece(60.0, 0.0, curvature), Piece(60.0, curvature, 0.0)
-    pieces = [line(180.0), to_arc, Piece(120.0, curvature, curvature), from_arc, line(180.0)]
-
-    def side():
-        return [Lane("driving", constant(LANE_M), "solid"), Lane("shoulder", constant(0.5))]
-
-    sections = [Section(0.0, side(), side(), "broken")]
+    bend = [Piece(60.0, 0.0, curvature), Piece(120.0, curvature, curvature), Piece(60.0, curvature, 0.0)]
+    pieces = [Piece(180.0), *bend, Piece(180.0)]
+    sides = [[Lane("driving", constant(LANE_M), "solid"), Lane("shoulder", constant(0.5))] for _ in range(2)]
+    sections = [Section(0.0, *sides, "broken")]
     return Network("two_lane_road", [Road(1, "road", ("rural", 80), Pose(0.0, 0.0, 0.0), pieces, sections)])
 
 
