@@ -59,6 +59,11 @@ pub(crate) fn cases() -> ProptestConfig {
     ProptestConfig { rng_seed: RngSeed::Fixed(1), cases: 400, ..ProptestConfig::default() }
 }
 
+/// Folder of the maps of scenarios.
+pub(crate) fn scenario_maps() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/maps")
+}
+
 /// All OpenDRIVE files below a folder, in order.
 pub(crate) fn networks(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();

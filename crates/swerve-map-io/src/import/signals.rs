@@ -1,7 +1,7 @@
 //! Traffic signals and stop lines of the map.
 //!
-//! A stop line is one of the file (a signal of type 294, or a road mark), or the place of a light or sign without one:
-//! its position along the road, which is where it holds (clause 14.2).
+//! A stop line is one of the file (a signal of type 294 or 341, or a road mark), or the place of a light or sign without
+//! one: its position along the road, which is where it holds (clause 14.2).
 
 use core::f64::consts::PI;
 use std::collections::BTreeMap;
@@ -113,7 +113,8 @@ fn meaning(signal: &Signal, id: SignalId) -> Option<(What, &'static [LaneKind])>
         ("se", "b", "1") => What::Sign(StopSign::Yield),
         (_, "206", _) => What::Sign(StopSign::Stop),
         (_, "205", _) => What::Sign(StopSign::Yield),
-        (_, "294", _) => What::Line,
+        // Stop line; the line at which traffic gives way.
+        (_, "294" | "341", _) => What::Line,
         _ => return None,
     };
     Some((what, &VEHICLES))

@@ -1,4 +1,5 @@
 mod published;
+mod scenarios;
 
 use std::path::Path;
 

@@ -159,6 +159,8 @@ fn stop_lines_of_the_file_take_their_lights_and_signs() {
     assert_eq!(stops(&with_signals(&(give_way.clone() + &stop), "")), at(96.0, "", Some(StopSign::Stop)));
     assert_eq!(stops(&with_signals(&give_way, "")), at(96.5, "", Some(StopSign::Yield)));
     assert_eq!(stops(&with_signals(&line(90.0), "")), at(90.0, "", None));
+    let yield_line = signal("line", 98.0, "341", &format!(">{lane}"));
+    assert_eq!(stops(&with_signals(&(yield_line + &give_way), "")), at(98.0, "", Some(StopSign::Yield)));
     assert_eq!(
         stops(&with_signals(&(line(40.0) + &light("")), "")),
         [at(40.0, "", None), at(99.0, "a", None)].concat()

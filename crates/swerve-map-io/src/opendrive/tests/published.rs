@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::links::Links;
 use crate::opendrive::{Network, Sample};
-use crate::testing::networks;
+use crate::testing::{networks, scenario_maps};
 use swerve_geom::wrap_angle;
 use swerve_tests::data_or_skip;
 
@@ -114,10 +114,8 @@ fn all_shared_maps_load_and_their_ends_meet() {
     }
 }
 
-#[test]
-fn second_reader_agrees_on_all_shared_maps() {
-    let Some(folder) = data_or_skip("external") else { return };
-    for path in networks(&folder) {
+fn assert_second_reader_agrees(folder: &Path) {
+    for path in networks(folder) {
         let text = std::fs::read_to_string(&path).unwrap();
         let (worst_m, samples) = super::second::worst_m(&network(&path), &text);
         println!(
@@ -127,4 +125,15 @@ fn second_reader_agrees_on_all_shared_maps() {
         );
         assert!(samples > 0 && worst_m[0] < 1e-3, "{}: {worst_m:?}", path.display());
     }
+}
+
+#[test]
+fn second_reader_agrees_on_all_shared_maps() {
+    let Some(folder) = data_or_skip("external") else { return };
+    assert_second_reader_agrees(&folder);
+}
+
+#[test]
+fn second_reader_agrees_on_the_maps_of_scenarios() {
+    assert_second_reader_agrees(&scenario_maps());
 }
