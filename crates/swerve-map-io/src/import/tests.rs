@@ -1,3 +1,4 @@
+mod marks;
 mod published;
 
 use std::path::Path;
