@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use swerve_geom::{Point2, Polyline};
 use swerve_map::{Features, Lane, LaneId, Map, Neighbour};
 
-use crate::draft::{Center, Draft, Drafts};
+use crate::draft::{Center, Draft, Drafts, marks_along};
 use crate::import::Gap;
 use crate::joints::close;
 use crate::opendrive::LENGTH_MAX_M;
@@ -91,6 +91,7 @@ fn lane(xml: &mut Reader, id: LaneId, draft: &Draft<'_>, center: &[Point2]) -> O
     }
     Some(Lane {
         kind: draft.kind,
+        marks: marks_along(draft.marks),
         speed_limit_mps: draft.speed_limit_mps,
         left: draft.beside[0],
         right: draft.beside[1],

@@ -3,9 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_geom::{FrenetPoint, Point2};
-use swerve_map::{Lane, LaneId, LaneKind, Neighbour};
+use swerve_map::{Lane, LaneId, LaneKind, LaneMarks, Mark, Neighbour};
 
 use crate::xml::Element;
+
+/// Width of a line that a file calls wide, metres: that of a wide line on German roads (RMS-1).
+pub(crate) const WIDE_MARK_M: f64 = 0.25;
 
 /// Centre line of a lane.
 pub(crate) enum Center {
@@ -30,9 +33,18 @@ pub(crate) struct Draft<'a> {
     pub(crate) left: Vec<Point2>,
     pub(crate) right: Vec<Point2>,
     pub(crate) center: Center,
+    /// Marks of the left and right border, each along the whole lane.
+    pub(crate) marks: [Option<Mark>; 2],
     /// Neighbours to the left and to the right.
     pub(crate) beside: [Option<Neighbour>; 2],
     pub(crate) successors: BTreeSet<LaneId>,
+}
+
+/// Marks of the left and right border, each along the whole lane.
+pub(crate) fn marks_along(marks: [Option<Mark>; 2]) -> LaneMarks {
+    let [left, right] = marks.map(Vec::from_iter);
+    // Readers make marks whose widths are lengths.
+    LaneMarks::new(left, right).unwrap_or_default()
 }
 
 /// Lanes of a file by the identity that they have in the map.

@@ -11,6 +11,7 @@
 //! stretch before a curve on which a polyline interpolates heading and curvature.
 
 mod junctions;
+mod marks;
 mod objects;
 mod places;
 mod signals;
@@ -201,6 +202,7 @@ impl Build {
             self.sources.push(LaneSource { road: index, section: at, lane: lane.id, span_m, forward });
             self.lanes.push(swerve_map::Lane {
                 kind,
+                marks: marks::marks(section, lane, &strip, span_m, forward),
                 speed_limit_mps: lane.speed_mps(span_m).or_else(|| road.type_speed_mps(span_m)),
                 ..swerve_map::Lane::new(id, line, strip.borders(forward))
             });

@@ -8,6 +8,8 @@
 //! another ends are its successors. A driving lane with `one_way=no` is two lanes, one for each direction. Lanes are
 //! numbered in the order of the identities of their relations, those against the direction of a lanelet at the end.
 //!
+//! **Marks.** Those of a lane are the types of its ways. `lane_change` permits or forbids to cross them.
+//!
 //! **Rules.** Traffic lights are signals, with the lanelets that name their regulatory element and stop lines at its
 //! `ref_line`. Signs that stop traffic or make it give way, rights of way, stops of all ways and crosswalks put rules at
 //! stop lines. Lanelets with the same `intersection_area`, or of one right of way, are a junction. Ways with `area=yes`,
@@ -22,6 +24,7 @@ mod features;
 mod junctions;
 mod lanelets;
 mod lanes;
+mod marks;
 mod osm;
 mod rules;
 mod stops;

@@ -11,6 +11,9 @@
 //! The width is 3.2 m unless the file has another. Lanes of an edge are neighbours. Those of an edge inside a junction
 //! are neighbours if they are beside each other at both ends.
 //!
+//! **Marks.** The format has none. Between lanes of an edge is a broken line, as SUMO draws it, and a solid one for a lane
+//! that cars must not leave by `changeLeft` or `changeRight`. Other marks are unknown.
+//!
 //! **Rules.** A traffic light is a signal for each of its links, at the end of the lane that leads into the junction,
 //! because the file has no positions. Its stop line is at the start of the lane inside the junction, so that the lanes
 //! of a route have exactly the lines that hold for it. So are the lines of links that stop or give way. Rights of way

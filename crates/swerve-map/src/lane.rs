@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2, Polyline};
 
-use crate::Borders;
+use crate::{Borders, LaneMarks, Mark, Side};
 
 /// Identity of a lane in its map.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
@@ -55,6 +55,9 @@ pub struct Lane {
     pub line: Polyline,
     /// Borders of the lane beside the centre line.
     pub borders: Borders,
+    /// Marks along the borders.
+    #[serde(default, skip_serializing_if = "LaneMarks::is_unknown")]
+    pub marks: LaneMarks,
     /// Speed limit, m/s; `None` if unknown.
     #[serde(default)]
     pub speed_limit_mps: Option<f64>,
@@ -70,13 +73,14 @@ pub struct Lane {
 }
 
 impl Lane {
-    /// Creates a driving lane without neighbours, successors or speed limit.
+    /// Creates a driving lane without marks, neighbours, successors or speed limit.
     pub const fn new(id: LaneId, line: Polyline, borders: Borders) -> Self {
         Self {
             id,
             kind: LaneKind::Driving,
             line,
             borders,
+            marks: LaneMarks::unknown(),
             speed_limit_mps: None,
             left: None,
             right: None,
@@ -94,5 +98,41 @@ impl Lane {
     /// Distance between the borders at arc length `s_m`, metres.
     pub fn width_m(&self, s_m: f64) -> f64 {
         self.borders.left_m(s_m) + self.borders.right_m(s_m)
+    }
+    /// Returns true if traffic of the lane may cross its border on a side at arc length `s_m`: unknown marks may be
+    /// crossed.
+    pub fn may_cross(&self, side: Side, s_m: f64) -> bool {
+        self.marks.at(side, s_m).is_none_or(Mark::may_be_crossed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MarkKind;
+
+    fn lane() -> Lane {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(50.0, 0.0)]).unwrap();
+        Lane::new(LaneId(7), line, Borders::constant(1.5, 2.0))
+    }
+
+    #[test]
+    fn solid_line_stops_lane_changes_and_an_unknown_one_does_not() {
+        let left = vec![Mark::new(0.0, MarkKind::Broken), Mark::new(30.0, MarkKind::SolidBroken)];
+        let lane = Lane { marks: LaneMarks::new(left, Vec::new()).unwrap(), ..lane() };
+        assert!(lane.may_cross(Side::Left, 29.0) && !lane.may_cross(Side::Left, 30.0));
+        assert!(lane.may_cross(Side::Right, 30.0));
+    }
+
+    #[test]
+    fn text_of_a_lane_without_marks_is_that_of_older_versions() {
+        let text = serde_json::to_value(lane()).unwrap();
+        assert_eq!(text.get("marks"), None);
+        assert_eq!(serde_json::from_value::<Lane>(text).unwrap(), lane());
+        let right = vec![Mark::new(0.0, MarkKind::Kerb)];
+        let marked = Lane { marks: LaneMarks::new(Vec::new(), right).unwrap(), ..lane() };
+        let text = serde_json::to_value(&marked).unwrap();
+        assert_eq!(text["marks"]["right"][0]["kind"], "kerb");
+        assert_eq!(serde_json::from_value::<Lane>(text).unwrap(), marked);
     }
 }

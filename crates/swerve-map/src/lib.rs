@@ -1,9 +1,9 @@
 //! Lane maps, and routes over them.
 //!
 //! A [`Map`] is a set of [`Lane`]s. Each has a centre line, borders whose distance from it may vary with arc length,
-//! neighbours on both sides, successors, a kind and a speed limit. A [`Route`] is a sequence of lanes: one line from
-//! start to end with the [`Borders`] of the drivable ground. Simulation, planning, evaluation and drawing query the
-//! borders of the route *at an arc length*; there is no query for a width that holds everywhere.
+//! marks along the borders, neighbours on both sides, successors, a kind and a speed limit. A [`Route`] is a sequence of
+//! lanes: one line from start to end with the [`Borders`] of the drivable ground. Simulation, planning, evaluation and
+//! drawing query the borders of the route *at an arc length*; there is no query for a width that holds everywhere.
 //!
 //! Beside lanes, a map has [`Features`]: [`Junction`]s, traffic [`Signal`]s, [`StopLine`]s, [`Crossing`]s and
 //! [`Area`]s. They refer to lanes by identity; the map checks that these exist.
@@ -25,6 +25,7 @@ mod index;
 mod junction;
 mod lane;
 mod map;
+mod mark;
 mod route;
 pub mod router;
 mod signal;
@@ -39,6 +40,7 @@ pub use index::{LaneHint, LaneIndex};
 pub use junction::{Junction, JunctionId, RightOfWay};
 pub use lane::{Lane, LaneId, LaneKind, Neighbour};
 pub use map::{LanePlace, Map, MapError};
+pub use mark::{LaneMarks, MARK_WIDTH_M, Mark, MarkColour, MarkError, MarkKind, Side};
 pub use route::{CHANGE_LENGTH_M, Route, RouteError, Stretch};
 pub use signal::{Signal, SignalId};
 pub use stop_line::{StopLine, StopSign};

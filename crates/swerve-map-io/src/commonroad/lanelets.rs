@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_geom::Point2;
-use swerve_map::{LaneId, LaneKind, Neighbour};
+use swerve_map::{LaneId, LaneKind, MARK_WIDTH_M, Mark, MarkKind, Neighbour};
 
 use crate::content::{all, child, content};
-use crate::draft::{Center, Draft, Drafts};
+use crate::draft::{Center, Draft, Drafts, WIDE_MARK_M};
 use crate::problem::quoted;
 use crate::xml::{Element, Reader, number};
 
@@ -114,6 +114,7 @@ impl<'a> Lanelets<'a> {
         if all(at, "laneletType").any(|kind| content(kind) == "crosswalk") {
             self.statements.crosswalks.insert(id);
         }
+        let marks = ["leftBound", "rightBound"].map(|name| mark(xml, child(at, name)?));
         let draft = Draft {
             element: at,
             name: id.0.to_string(),
@@ -122,6 +123,7 @@ impl<'a> Lanelets<'a> {
             left,
             right,
             center,
+            marks,
             beside: [None; 2],
             successors: BTreeSet::new(),
         };
@@ -205,6 +207,25 @@ impl<'a> Lanelets<'a> {
         }
         (drafts, statements)
     }
+}
+
+/// Mark of a bound; `None` if it has none or an unknown one.
+fn mark(xml: &mut Reader, bound: Element<'_>) -> Option<Mark> {
+    let at = child(bound, "lineMarking")?;
+    let (kind, width_m) = match content(at) {
+        "solid" => (MarkKind::Solid, MARK_WIDTH_M),
+        "dashed" => (MarkKind::Broken, MARK_WIDTH_M),
+        "broad_solid" => (MarkKind::Solid, WIDE_MARK_M),
+        "broad_dashed" => (MarkKind::Broken, WIDE_MARK_M),
+        "curb" | "lowered_curb" => (MarkKind::Kerb, MARK_WIDTH_M),
+        "no_marking" => (MarkKind::None, MARK_WIDTH_M),
+        "unknown" => return None,
+        name => {
+            xml.defect(at, || format!("expected a type of line marking, found {}", quoted(name)));
+            return None;
+        }
+    };
+    Some(Mark { width_m, ..Mark::new(0.0, kind) })
 }
 
 /// Kind of a lane for a type of lanelets; `None` for names that the format does not have.

@@ -79,6 +79,8 @@ pub(super) struct Strip {
 /// Centre of a lane, and the distances of its borders across the centre line.
 #[derive(Clone, Copy)]
 struct Vertex {
+    /// Position along the road, metres.
+    s_m: f64,
     at: Point2,
     /// In the direction of s.
     left_m: f64,
@@ -101,8 +103,8 @@ pub(super) fn strips(network: &Network, road: &Road, section: &LaneSection, stat
             let (x, y) = (pose.x_m - center.0 * sin, pose.y_m + center.0 * cos);
             let [x_m, y_m, _] = network.projected([x, y, 0.0]);
             let across = |border: (f64, f64)| across_m(pose.curvature_1pm, center, border);
-            let vertex = Vertex { at: Point2::new(x_m, y_m), left_m: across(left), right_m: across(right) };
-            strip.push(vertex);
+            let at = Point2::new(x_m, y_m);
+            strip.push(Vertex { s_m, at, left_m: across(left), right_m: across(right) });
         }
     }
     strips
@@ -142,6 +144,16 @@ impl Strip {
     /// Centre line in the direction of travel.
     pub(super) fn points(&self, forward: bool) -> Vec<Point2> {
         self.along(forward).map(|vertex| vertex.at).collect()
+    }
+
+    /// Arc length along the centre line, in the direction of travel, at a position along the road, metres.
+    pub(super) fn along_m(&self, s_m: f64, forward: bool) -> f64 {
+        let pieces = self.vertices.windows(2).map(|two| (two[0], two[1], two[0].at.distance(two[1].at)));
+        let along = |(a, b, length_m): (Vertex, Vertex, f64)| {
+            let share = if forward { s_m - a.s_m } else { b.s_m - s_m };
+            length_m * (share / (b.s_m - a.s_m)).clamp(0.0, 1.0)
+        };
+        pieces.map(along).sum()
     }
 
     /// Borders along the centre line.

@@ -6,7 +6,7 @@ use swerve_geom::{Point2, Polyline};
 use swerve_map::LaneId;
 
 use super::osm::{Osm, Relation, tag};
-use super::tags;
+use super::{marks, tags};
 use crate::draft::{Center, Draft};
 use crate::strip::distinct;
 use crate::xml::{Element, Reader};
@@ -111,6 +111,7 @@ impl<'a> Lanelet<'a> {
                     Center::Given(line) => Center::Given(reversed(line)),
                     _ => Center::Between,
                 },
+                marks: [draft.marks[1], draft.marks[0]],
                 beside: [None; 2],
                 successors: BTreeSet::new(),
             },
@@ -139,10 +140,10 @@ fn lanelet<'a>(
         inverted,
         ends: [line.nodes[0], line.nodes[line.nodes.len() - 1]],
     };
+    let sides = [side(left_way, inverted[0], &left), side(right_way, inverted[1], &right)];
     Some(Lanelet {
         relation: id,
         backward: false,
-        sides: [side(left_way, inverted[0], &left), side(right_way, inverted[1], &right)],
         draft: Draft {
             element: at,
             name: id.to_string(),
@@ -151,9 +152,11 @@ fn lanelet<'a>(
             left: distinct(left.points),
             right: distinct(right.points),
             center,
+            marks: marks::marks(xml, osm, &sides),
             beside: [None; 2],
             successors: BTreeSet::new(),
         },
+        sides,
     })
 }
 

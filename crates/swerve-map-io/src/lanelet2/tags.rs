@@ -23,7 +23,7 @@ fn participates(of: Element<'_>, participants: &[&str]) -> Option<bool> {
     participants.iter().find_map(|one| tag(of, &format!("participant:{one}"))).map(is_yes)
 }
 
-fn is_yes(value: &str) -> bool {
+pub(super) fn is_yes(value: &str) -> bool {
     !matches!(value, "no" | "false" | "0")
 }
 

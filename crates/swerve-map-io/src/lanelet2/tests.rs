@@ -3,6 +3,7 @@
 mod bad;
 mod converted;
 mod junction;
+mod marks;
 mod oracle;
 
 use swerve_map::{Lane, LaneId, LaneKind, Neighbour};

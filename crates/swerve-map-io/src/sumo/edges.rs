@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 
 use swerve_geom::{Point2, Polyline, PolylineError};
-use swerve_map::{Area, AreaId, AreaKind, Borders, Crossing, CrossingId, Lane, LaneId, Neighbour};
+use swerve_map::{
+    Area, AreaId, AreaKind, Borders, Crossing, CrossingId, Lane, LaneId, Mark, MarkKind, Neighbour,
+};
 
-use super::permissions::kind_of;
+use super::permissions::{kind_of, may_change};
 use super::shapes::{self, Vertices, dense, dense_count, shape};
+use crate::draft::marks_along;
 use crate::problem::quoted;
 use crate::xml::{Element, Reader, optional};
 
@@ -55,6 +58,8 @@ pub(super) struct FileLane<'a> {
     pub(super) ends: [Point2; 2],
     /// Number of the edge.
     pub(super) edge: usize,
+    /// True if cars may change to the lane outside and to the lane inside.
+    may_change: [bool; 2],
 }
 
 /// An edge of the file.
@@ -172,7 +177,9 @@ impl<'a> Edges<'a> {
             "walkingarea" => self.walking_area(points, edge),
             _ => self.map_lane(xml, at, edge, &points, width_m),
         };
-        self.files.push(FileLane { id, slot, ends, edge });
+        // The names are those of right-hand traffic, as netconvert makes left-hand traffic by mirroring.
+        let may_change = ["changeRight", "changeLeft"].map(|name| may_change(at.attribute(name)));
+        self.files.push(FileLane { id, slot, ends, edge, may_change });
         self.edges[edge].lanes.push(number);
     }
 
@@ -237,8 +244,9 @@ impl<'a> Edges<'a> {
         Slot::Foot
     }
 
-    /// Sets the neighbours of all lanes, and the lanes of crossings.
+    /// Sets the neighbours and marks of all lanes, and the lanes of crossings.
     pub(super) fn neighbours(&mut self, xml: &mut Reader) {
+        let mut marks = vec![[None; 2]; self.lanes.len()];
         for edge in &self.edges {
             for two in edge.lanes.windows(2) {
                 let (Some(outer), Some(inner)) = (self.lane(two[0]), self.lane(two[1])) else { continue };
@@ -247,12 +255,20 @@ impl<'a> Edges<'a> {
                 }
                 let beside = |lane| Some(Neighbour { lane, opposite: false });
                 let [a, b] = [outer, inner].map(|id| id.0 as usize);
+                if edge.function == "normal" && self.lanes[a].kind == self.lanes[b].kind {
+                    let (kind, to_inner) = (self.line_between(two), usize::from(self.left_hand));
+                    marks[a][to_inner] = Some(Mark::new(0.0, kind));
+                    marks[b][1 - to_inner] = Some(Mark::new(0.0, kind.mirrored()));
+                }
                 if self.left_hand {
                     (self.lanes[a].right, self.lanes[b].left) = (beside(inner), beside(outer));
                 } else {
                     (self.lanes[a].left, self.lanes[b].right) = (beside(inner), beside(outer));
                 }
             }
+        }
+        for (lane, marks) in self.lanes.iter_mut().zip(marks) {
+            lane.marks = marks_along(marks);
         }
         for (k, names) in self.crossed.iter().enumerate() {
             for name in names.split_whitespace() {
@@ -267,6 +283,16 @@ impl<'a> Edges<'a> {
                 let lanes: Vec<LaneId> = lanes.collect();
                 self.crossings[k].lanes.extend(lanes);
             }
+        }
+    }
+
+    /// Line between an outer and an inner lane of the file, for the outer one: solid for a lane that must not be left.
+    fn line_between(&self, two: &[usize]) -> MarkKind {
+        match (self.files[two[0]].may_change[1], self.files[two[1]].may_change[0]) {
+            (true, true) => MarkKind::Broken,
+            (false, true) => MarkKind::SolidBroken,
+            (true, false) => MarkKind::BrokenSolid,
+            (false, false) => MarkKind::Solid,
         }
     }
 

@@ -50,3 +50,9 @@ pub(super) fn kind_of(allow: Option<&str>, disallow: Option<&str>) -> Option<Lan
         None
     }
 }
+
+/// True if cars may leave a lane by its attribute `changeLeft` or `changeRight`, a list of classes.
+pub(super) fn may_change(classes: Option<&str>) -> bool {
+    let mut classes = classes.unwrap_or_default().split_whitespace().peekable();
+    classes.peek().is_none() || classes.any(|class| class == "passenger" || class == "all")
+}

@@ -1,6 +1,6 @@
 //! Lanes, rules and lights of scenarios written by hand.
 
-use swerve_map::{LaneId, LaneKind, Neighbour, SignalId, StopSign};
+use swerve_map::{LaneId, LaneKind, Mark, MarkKind, Neighbour, Side, SignalId, StopSign};
 
 use super::SMALL;
 use crate::commonroad::{Centers, Commonroad, read};
@@ -39,6 +39,29 @@ fn lanelets_are_read_as_lanes() {
         assert_eq!((of(3).width_m(0.0), of(3).width_m(10.0)), (3.5, 4.5), "as the bounds go apart");
         assert_eq!((roads.step_s, roads.lanes.name(LaneId(2))), (Some(0.1), "2"));
     }
+}
+
+#[test]
+fn markings_of_bounds_are_marks() {
+    let marks = |marking: &str| {
+        let bound = "<point><x>20</x><y>3.5</y></point>";
+        let marking = format!("{bound}<lineMarking>{marking}</lineMarking>");
+        let roads = good(&SMALL.replacen(bound, &marking, 1));
+        let lane = roads.lanes.map.lane(LaneId(1)).unwrap();
+        assert_eq!(lane.marks.of(Side::Right), [], "the other bound has none");
+        (lane.marks.of(Side::Left).to_vec(), roads.lanes.defects.count())
+    };
+    for (name, kind, width_m) in [
+        ("solid", MarkKind::Solid, 0.12),
+        ("dashed", MarkKind::Broken, 0.12),
+        (" broad_solid ", MarkKind::Solid, 0.25),
+        ("broad_dashed", MarkKind::Broken, 0.25),
+        ("lowered_curb", MarkKind::Kerb, 0.12),
+        ("no_marking", MarkKind::None, 0.12),
+    ] {
+        assert_eq!(marks(name), (vec![Mark { width_m, ..Mark::new(0.0, kind) }], 0), "{name}");
+    }
+    assert_eq!((marks("unknown"), marks("dotted")), ((vec![], 0), (vec![], 1)));
 }
 
 #[test]

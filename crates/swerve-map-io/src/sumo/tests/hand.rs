@@ -1,7 +1,7 @@
 //! A crossing of a main road with a side road, with values worked out by hand.
 
 use swerve_geom::Point2;
-use swerve_map::{AreaKind, LaneId, LaneKind, Map, Neighbour, StopSign};
+use swerve_map::{AreaKind, LaneId, LaneKind, Map, MarkKind, Neighbour, Side, StopSign};
 
 use crate::sumo::{Net, Phase, read};
 
@@ -59,6 +59,35 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
     assert_eq!((left_hand.left_hand, bus.left, bus.right), (true, beside("in_0"), beside("in_2")));
     // Both begin at one place: not beside each other.
     assert_eq!((lane(":J_1_0").left, lane(":J_1_1").right), (None, None));
+}
+
+#[test]
+fn lines_between_lanes_of_an_edge_follow_the_permissions_to_change() {
+    use MarkKind as K;
+    let marks = |text: &str| {
+        let net = net(text);
+        let of = |name, side| {
+            let lane = net.lanes.map.lane(id(&net, name)).unwrap();
+            lane.marks.at(side, 1.0).map(|mark| mark.kind)
+        };
+        // Of the lane for buses at the outside and of that for cars.
+        let sides = if net.left_hand { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
+        [of("in_1", sides[0]), of("in_2", sides[1]), of("in_1", sides[1]), of("in_2", sides[0])]
+    };
+    let change = |text: &str, bus: &str, car: &str| {
+        let text = text.replace(r#"id="in_1""#, &format!(r#"id="in_1" {bus}"#));
+        text.replace(r#"id="in_2""#, &format!(r#"id="in_2" {car}"#))
+    };
+    let [stay, all] = [r#"changeLeft="emergency bus""#, r#"changeRight="all""#];
+    let left_hand = SMALL.replace("<net ", "<net lefthand=\"true\" ");
+    for text in [SMALL, &left_hand] {
+        // A sidewalk has no line, nor has the side of the other direction.
+        assert_eq!(marks(text), [Some(K::Broken), Some(K::Broken), None, None]);
+        assert_eq!(marks(&change(text, stay, all))[..2], [Some(K::SolidBroken), Some(K::BrokenSolid)]);
+        let only = r#"changeRight="bus""#;
+        assert_eq!(marks(&change(text, "", only))[..2], [Some(K::BrokenSolid), Some(K::SolidBroken)]);
+        assert_eq!(marks(&change(text, stay, only))[..2], [Some(K::Solid), Some(K::Solid)]);
+    }
 }
 
 #[test]
