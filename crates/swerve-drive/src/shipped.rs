@@ -36,7 +36,7 @@ macro_rules! shipped {
 }
 pub use shipped;
 
-/// All `.toml` files of `scenarios/` and `configs/`, and the problem files.
+/// All `.toml` files of `scenarios/` and `configs/`, the maps, and the problem files.
 static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/car_behind_truck.toml"
     "scenarios/car_from_alley.toml"
@@ -86,6 +86,19 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/everyday/start_beside_the_line.toml"
     "scenarios/everyday/start_in_jam.toml"
     "scenarios/everyday/start_on_bend.toml"
+    "scenarios/maps/left_turn.toml"
+    "scenarios/maps/light_green.toml"
+    "scenarios/maps/light_red.toml"
+    "scenarios/maps/merge.toml"
+    "scenarios/maps/parked_truck.toml"
+    "scenarios/maps/right_before_left.toml"
+    "scenarios/maps/roundabout.toml"
+    "scenarios/maps/crossing.xodr"
+    "scenarios/maps/crossing_priority.xodr"
+    "scenarios/maps/crossing_right_first.xodr"
+    "scenarios/maps/ramp.xodr"
+    "scenarios/maps/roundabout.xodr"
+    "scenarios/maps/two_lane_road.xodr"
     "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"

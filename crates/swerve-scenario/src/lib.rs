@@ -18,15 +18,6 @@
 //! right_m = 2.0                                       # ? to the right: half the lane
 //! friction = 0.9                                      # ?
 //!
-//! [map]                                               # in place of [road]
-//! file = "maps/crossing.xodr"                         # OpenDRIVE, Lanelet2, CommonRoad or SUMO; from this file's folder
-//! friction = 0.9                                      # ?
-//!
-//! [[map.light]]                                       # ? phases of signals of the map; the others are off
-//! signals = ["1", "2"]                                # or controller = "north_south"
-//! green_s = 12.0                                      # and yellow_s, red_s and offset_s, as below
-//! red_s = 10.0
-//!
 //! [[road.light]]                                      # ? traffic lights for the ego's lane
 //! name = "crossing"
 //! stop_s_m = 38.0                                     # the stop line
@@ -45,12 +36,6 @@
 //! start_speed_mps = 12.0                              # ? the target speed
 //! end_m = 90.0                                        # the goal along the road
 //!
-//! [ego]                                               # with a map, in place of s_m and end_m
-//! start = { road = "1", lane = -1, s_m = 20.0 }       # or { lane = "name", s_m = 20.0 } or { x_m = 5.0, y_m = -1.8 }
-//! via = [{ road = "2", lane = -1, s_m = 5.0 }]        # ?
-//! goal = { road = "3", lane = -1, s_m = 50.0 }
-//! target_speed_mps = 13.0                             # ? the highest speed limit on the way
-//!
 //! [[actor]]
 //! name = "person"
 //! kind = "pedestrian"                                 # car, truck, motorcycle, cyclist, pedestrian, static
@@ -62,8 +47,6 @@
 //! trigger = { distance = { to = "ego", within_m = 30.0 } }  # ? at the start; or one of
 //! #         { time = { at_s = 2.0 } }
 //! #         { reaches = { who = "ego", s_m = 20.0 } }
-//! start = { road = "4", lane = 1, s_m = 30.0 }        # ? with a map, in place of s_m, which is along the ego's route
-//! goal = { road = "5", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
 //! motion = [                                          # ? legs, one after the other
 //!   { wait = { for_s = 1.0 } },
 //!   { walk = { speed_mps = 3.5, distance_m = 5.5, direction = "right" } },    # left, right, ahead, back
@@ -84,7 +67,33 @@
 //! impact_speed_mps = { min = 2.0, max = 9.0 }
 //! ```
 //!
-//! Excluded: physics, clocks; the only file that is opened is the one passed to [`Scenario::read`].
+//! **On a map**, tables `map`, `ego` and `actor` have these keys in place of `road`, `s_m` and `end_m`:
+//!
+//! ```toml
+//! [map]                                               # in place of [road]
+//! file = "crossing.xodr"                              # OpenDRIVE, Lanelet2, CommonRoad or SUMO; from this file's folder
+//! friction = 0.9                                      # ?
+//!
+//! [[map.light]]                                       # ? phases of signals of the map; the others are off
+//! controller = "north_south"                          # or signals = ["light_north", "light_south"]
+//! green_s = 12.0                                      # and yellow_s and offset_s, as for lights of a road
+//! red_s = 10.0
+//!
+//! [ego]
+//! start = { road = "4", lane = -1, s_m = 20.0 }       # or { lane = "name", s_m = 20.0 } or { x_m = 5.0, y_m = -1.8 }
+//! via = [{ x_m = 1.7, y_m = 0.0, heading_rad = 1.57 }]       # ?
+//! goal = { road = "2", lane = 1, s_m = 50.0 }
+//! target_speed_mps = 13.0                             # ? the highest speed limit on the way
+//!
+//! [[actor]]
+//! name = "car"
+//! kind = "car"
+//! start = { road = "1", lane = -1, s_m = 30.0 }       # ? in place of s_m, which is along the ego's route
+//! goal = { road = "3", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
+//! ```
+//!
+//! Excluded: physics, clocks; the only files that are opened are the one passed to [`Scenario::read`] and the map that it
+//! names.
 
 mod check;
 mod draw;

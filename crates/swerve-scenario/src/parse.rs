@@ -94,7 +94,8 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     unique(&tables, &names);
     let actors = tables.iter().zip(&names);
     let actors = (1..).zip(actors).map(|(k, (table, name))| {
-        let told = actor::Told { id: ActorId(k), name, names: &names, map: map.as_ref() };
+        let on_map = top.has("map");
+        let told = actor::Told { id: ActorId(k), name, names: &names, on_map, map: map.as_ref() };
         actor::read(table, told)
     });
     let actors = actors.collect();

@@ -177,7 +177,7 @@ fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = toml_files(folder)?;
     // An unreadable file is reported later, with its problem.
     let is_scenario =
-        |document: Document| ["road", "actor"].iter().any(|key| document.table.contains_key(*key));
+        |document: Document| ["road", "map", "actor"].iter().any(|key| document.table.contains_key(*key));
     files.retain(|file| Document::read(file).map_or(true, is_scenario));
     anyhow::ensure!(!files.is_empty(), "{}: no scenario (.toml) in this folder", folder.display());
     Ok(files)

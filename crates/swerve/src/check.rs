@@ -92,7 +92,7 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
 /// True if a file of a folder belongs to another program, such as a Cargo manifest: none of its tables and values has a
 /// name known to Swerve.
 fn is_foreign(path: &Path) -> bool {
-    const OURS: [&str; 6] = ["road", "expect", "actor", "base", "axis", "span_ms"];
+    const OURS: [&str; 7] = ["road", "map", "expect", "actor", "base", "axis", "span_ms"];
     let Ok(document) = Document::read(path) else { return false };
     let is_ours = |key: &String| {
         OURS.contains(&key.as_str())
@@ -123,7 +123,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     };
     let has = |key: &str| document.table.contains_key(key);
     let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
-    if has("road") || has("expect") || has("actor") {
+    if has("road") || has("map") || has("expect") || has("actor") {
         match swerve_drive::read_scenario(path) {
             Ok(scenario) => {
                 // Not a problem: old names of verdicts are still accepted.

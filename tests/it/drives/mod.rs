@@ -6,6 +6,7 @@ mod faults;
 mod gate;
 mod gate_stops;
 mod lost;
+mod maps;
 mod perception;
 mod prediction;
 mod ride;

@@ -266,6 +266,7 @@ fn junction_ground(map: &Map, lane: &Lane) -> Borders {
     let length_m = lane.line.length();
     let count = (length_m / SAMPLE_M).ceil().max(1.0) as usize;
     let near: Vec<&Lane> = map.near(lane, ASIDE_M).filter(|other| other.kind.is_drivable()).collect();
+    let at = |s_m: f64, d_m: f64| lane.line.to_map(FrenetPoint { s_m, d_m });
     let is_ground = |point: Point2| near.iter().any(|other| other.place_of(point).is_some());
     let side = |sign: f64| {
         let own = if sign > 0.0 { lane.borders.left() } else { lane.borders.right() };
@@ -276,17 +277,27 @@ fn junction_ground(map: &Map, lane: &Lane) -> Borders {
             let mut distance_m = own.at(s_m);
             while distance_m + ASIDE_STEP_M <= most_m {
                 let next_m = distance_m + ASIDE_STEP_M;
-                if !is_ground(lane.line.to_map(FrenetPoint { s_m, d_m: sign * next_m })) {
+                if !is_ground(at(s_m, sign * next_m)) {
                     break;
                 }
                 distance_m = next_m;
             }
-            Station { s_m, distance_m }
+            let next_m = (distance_m + ASIDE_STEP_M).min(most_m);
+            Station { s_m, distance_m: edge_m(distance_m, next_m, |d_m| is_ground(at(s_m, sign * d_m))) }
         };
         let stations: Vec<Station> = (0..=count).map(station).collect();
         Border::linear(&stations).unwrap_or_else(|_| own.clone())
     };
     Borders::new(side(1.0), side(-1.0))
+}
+
+/// Last distance that is ground between one that is and one that may not be, metres, within a centimetre.
+fn edge_m(mut inside_m: f64, mut outside_m: f64, is_ground: impl Fn(f64) -> bool) -> f64 {
+    while outside_m - inside_m > 0.01 {
+        let middle_m = 0.5 * (inside_m + outside_m);
+        if is_ground(middle_m) { inside_m = middle_m } else { outside_m = middle_m }
+    }
+    inside_m
 }
 
 /// Adds successors of the last lane up to a length.

@@ -21,16 +21,24 @@ pub(super) struct Told<'a> {
     pub(super) name: &'a str,
     /// Names of all actors, to resolve references.
     pub(super) names: &'a [String],
-    /// The map under the scenario.
+    /// True if the scenario is on a map.
+    pub(super) on_map: bool,
+    /// The map; `None` after a problem.
     pub(super) map: Option<&'a Loaded>,
 }
 
-pub(super) fn read(table: &TableReader<'_>, Told { id, name, names, map }: Told<'_>) -> Actor {
+pub(super) fn read(table: &TableReader<'_>, Told { id, name, names, on_map, map }: Told<'_>) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
-    let course = map.filter(|_| table.has("start")).and_then(|map| map.course(table, false));
-    let at_start = map.is_some() && table.has("start");
+    let at_start = on_map && table.has("start");
+    let course = map.filter(|_| at_start).and_then(|map| map.course(table, false));
+    if at_start && map.is_none() {
+        // Not read after a problem of the map or of the ego.
+        for key in ["start", "goal", "via"] {
+            table.value(key);
+        }
+    }
     let actor = Actor {
         id,
         name: name.to_owned(),

@@ -117,6 +117,7 @@ impl Loaded {
     }
 
     fn stop(&self, place: &TableReader<'_>) -> Option<Stop> {
+        let guesses = place.reading().guesses();
         let stop = if place.has("x_m") || place.has("y_m") {
             let at = Point2::new(place.number("x_m", PLACE), place.number("y_m", PLACE));
             let heading = place.number_if_any("heading_rad", ANGLE);
@@ -134,6 +135,7 @@ impl Loaded {
             let lane = place.whole_if_any("lane", -1_000, 1_000);
             if !place.has("lane") {
                 place.report("lane", "is missing: expected the number of a lane of the road");
+                place.reading().guess();
             }
             let s_m = place.number("s_m", Range::between(0.0, 100_000.0));
             self.file.on_road(&place.text("road"), lane.unwrap_or(0) as i32, s_m)
@@ -142,8 +144,15 @@ impl Loaded {
             self.file.on_lane(&place.text("lane"), s_m)
         };
         place.finish();
-        // After another problem of the place, this one may follow from it.
-        stop.map_err(|message| place.report_whole(message)).ok()
+        // After another problem of the place, one of its position may follow from it.
+        let is_read = place.reading().guesses() == guesses;
+        stop.map_err(|message| {
+            if is_read {
+                place.report_whole(message)
+            }
+        })
+        .ok()
+        .filter(|_| is_read)
     }
 
     /// Reads start, via and goal of a table, and the way between them; without a goal the start alone.
@@ -261,3 +270,6 @@ fn stop_s_m(map: &Map, route: &Route, signal: &Signal) -> Option<f64> {
 pub(super) fn line_of(course: Course) -> Arc<Polyline> {
     Arc::new(course.route.line().clone())
 }
+
+#[cfg(test)]
+mod tests;

@@ -249,7 +249,7 @@ fn wrong_motion_expectation_and_text_are_reported() {
             "22 end.timeout_s: expected a number from 0.1 to 86400, found 1e-12",
         ]),
         ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
-            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"name\", \"road\"",
+            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"map\", \"name\", \"road\"",
         ]),
         ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : the key `kind` is there twice: expected each key once in a table"]),
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
@@ -380,6 +380,12 @@ fn documented_form_is_valid() {
     let scenario =
         Scenario::parse("doc.toml", &text.join("\n")).unwrap_or_else(|problems| panic!("{problems:#?}"));
     assert_eq!((scenario.actors[0].motion.len(), scenario.expect.len()), (4, 2));
+    let form = documentation.split("```toml").nth(2).and_then(|rest| rest.split("```").next()).unwrap();
+    let text: Vec<&str> = form.lines().map(|line| line.trim_start_matches("//!")).collect();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/doc.toml");
+    let text = format!("name = \"doc\"\n{}", text.join("\n"));
+    let on_map = Scenario::parse(file, &text).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    assert_eq!((on_map.actors.len(), on_map.road.lights.len()), (1, 2));
 }
 
 #[test]

@@ -7,7 +7,9 @@ use super::{id, imported};
 use crate::import::Imported;
 use crate::links::Links;
 use crate::opendrive::Network;
-use crate::route::{Way, find, stop};
+use swerve_map::router::{Way, find};
+
+use crate::route::stop;
 use crate::testing::{networks, scenario_maps};
 
 /// Lanes for driving, shoulders and sidewalks; junctions, lanes inside, rights of way; signals, stop lines.

@@ -103,8 +103,8 @@ fn ground_of_a_junction_is_that_of_all_lanes_without_a_gap() {
     let map = Map::with_features(lanes, features).unwrap();
     let (route, _) = over(&map, (0, 0.0), (0, 20.0), 0.0);
     for (s_m, left_m, right_m) in [(3.0, 5.25, 1.75), (10.0, 12.0, 12.0), (17.0, 5.25, 1.75)] {
-        assert!((route.left_m(s_m) - left_m).abs() < 0.26, "{s_m}: {}", route.left_m(s_m));
-        assert!((route.right_m(s_m) - right_m).abs() < 0.26, "{s_m}: {}", route.right_m(s_m));
+        assert!((route.left_m(s_m) - left_m).abs() < 0.02, "{s_m}: {}", route.left_m(s_m));
+        assert!((route.right_m(s_m) - right_m).abs() < 0.02, "{s_m}: {}", route.right_m(s_m));
         assert_eq!((route.lane().left_m(s_m), route.lane().right_m(s_m)), (1.75, 1.75));
     }
     assert!(route.margin_m(&Obb::new(Pose2::new(10.0, 6.0, 0.0), 3.0, 3.0)) > 0.0);

@@ -1,0 +1,187 @@
+use swerve_geom::FrenetPoint;
+use swerve_msg::Signal as Shown;
+
+use super::*;
+use crate::{Course as Ground, Scenario};
+
+/// A scenario on a map of the folder of scenarios, from the lines of its tables.
+fn parsed(map: &str, ego: &str, rest: &str) -> Result<Scenario, String> {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/test.toml");
+    let text = format!("name = \"test\"\n[map]\nfile = \"{map}\"\n{rest}\n[ego]\n{ego}\n");
+    Scenario::parse(file, &text).map_err(|problems| problems.to_string())
+}
+
+const START: &str = "start = { road = \"4\", lane = -1, s_m = 50.0 }";
+const GOAL: &str = "goal = { road = \"3\", lane = 1, s_m = 60.0 }";
+
+fn sound(map: &str, ego: &str, rest: &str) -> Scenario {
+    parsed(map, ego, rest).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+#[test]
+fn route_leads_from_the_start_over_the_junction_to_the_goal_and_beyond() {
+    let scenario = sound("crossing.xodr", &format!("{START}\n{GOAL}"), "");
+    let (line, ego) = (scenario.road.line(), &scenario.ego);
+    // South of the crossing at (0, -161), heading north in the right lane; the goal is in the western arm, whose s
+    // leads towards the crossing.
+    let at = |s_m: f64| line.at(s_m).pose;
+    assert!(at(ego.s_m).point().distance(Point2::new(1.75, -111.0)) < 1e-6, "{:?}", at(ego.s_m));
+    assert!(at(ego.end_m).point().distance(Point2::new(-101.0, 1.75)) < 1e-3, "{:?}", at(ego.end_m));
+    // 100 m to the end of the arm, an arc of 12.75 m, 90 m from the crossing to the goal.
+    let arc_m = 12.75 * core::f64::consts::FRAC_PI_2;
+    assert!((ego.end_m - ego.s_m - 190.0 - arc_m).abs() < 0.05, "{}", ego.end_m - ego.s_m);
+    assert!(line.length() > ego.end_m + 50.0, "to the end of the map");
+    assert_eq!((ego.target_speed_mps, ego.start_speed_mps), (50.0 / 3.6, None));
+    let turn = scenario.road.route().stretches().iter().position(|stretch| stretch.in_junction);
+    assert_eq!(turn, Some(1));
+    let lines = scenario.road.lines();
+    assert_eq!(lines.at(160.0).count(), 0, "no lines inside the crossing");
+    assert_eq!(lines.at(100.0).count(), 3);
+}
+
+#[test]
+fn places_may_be_points_with_a_direction() {
+    let ego = "start = { x_m = 2.0, y_m = -100.0 }\ngoal = { x_m = 0.0, y_m = 100.0, heading_rad = 1.5 }\nd_m = 0.5";
+    let scenario = sound("crossing_right_first.xodr", ego, "");
+    let start = scenario.road.line().at(scenario.ego.s_m).pose;
+    assert!(start.point().distance(Point2::new(1.75, -100.0)) < 1e-6);
+    assert_eq!(scenario.ego.d_m, 0.5);
+}
+
+#[test]
+fn ego_goes_over_all_places_on_the_way() {
+    let via = "via = [{ road = \"1\", lane = 1, s_m = 75.0 }]";
+    let around = parsed("roundabout.xodr", &format!("{START}\n{GOAL}\n{via}"), "");
+    // The arms have ends: from the eastern one nothing leads back.
+    let message = around.unwrap_err();
+    assert!(
+        message.contains("ego.goal: no way leads over driving lanes from 1:0:1 at 45.0 m to 3:0:1"),
+        "{message}"
+    );
+    let ring = "via = [{ x_m = 16.0, y_m = 0.0, heading_rad = 1.57 }]";
+    let scenario = sound("roundabout.xodr", &format!("{START}\n{GOAL}\n{ring}"), "");
+    let near = scenario.road.line().project(Point2::new(16.0, 0.0));
+    assert!(near.d_m.abs() < 0.1 && (scenario.ego.s_m..scenario.ego.end_m).contains(&near.s_m), "{near:?}");
+}
+
+#[test]
+fn actors_have_ways_of_their_own() {
+    let actor = "[[actor]]\nname = \"a\"\nkind = \"car\"\nstart = { road = \"1\", lane = -1, s_m = 50.0 }\n\
+                 goal = { road = \"2\", lane = 1, s_m = 60.0 }\n[[actor]]\nname = \"b\"\nkind = \"car\"\n\
+                 start = { road = \"3\", lane = -1, s_m = 10.0 }\nd_m = 0.2";
+    let scenario = sound("crossing.xodr", &format!("{START}\n{GOAL}"), actor);
+    let road = scenario.road.line();
+    let [a, b] = &scenario.actors[..] else { panic!("two actors") };
+    assert!(a.pose(&road).point().distance(Point2::new(111.0, 1.75)) < 1e-6, "{:?}", a.pose(&road));
+    let end = a.line(&road).project(Point2::new(1.75, 90.0));
+    assert!(end.d_m.abs() < 1e-3, "it turns to the north: {end:?}");
+    // Without a goal, straight over the crossing.
+    assert!(b.line(&road).project(Point2::new(100.0, -1.75)).d_m.abs() < 1e-3);
+    assert!((b.s_m - 10.0).abs() < 1e-6 && b.d_m == 0.2, "{} {}", b.s_m, b.d_m);
+}
+
+#[test]
+fn lights_of_the_ego_have_their_stop_line_on_its_route() {
+    let lights = "[[map.light]]\ncontroller = \"north_south\"\ngreen_s = 10.0\nred_s = 20.0\n[[map.light]]\n\
+                  signals = [\"light_east\"]\ngreen_s = 5.0\nred_s = 5.0\noffset_s = 9.0";
+    let scenario = sound("crossing.xodr", &format!("{START}\n{GOAL}"), lights);
+    let rounded = |s_m: f64| (s_m * 1e6).round() * 1e-6;
+    let lights = scenario.road.lights.iter();
+    let lights: Vec<_> = lights.map(|light| (light.name.as_str(), light.stop_s_m.map(rounded))).collect();
+    // The stop line is 2 m before the end of the arm of 150 m.
+    assert_eq!(lights, [("light_east", None), ("light_north", None), ("light_south", Some(148.0))]);
+    let south = &scenario.road.lights[2];
+    assert!((south.pose.heading_rad - core::f64::consts::FRAC_PI_2).abs() < 1e-9, "{:?}", south.pose);
+    assert_eq!(scenario.road.lights[0].signal(swerve_core::Time::ZERO), Shown::Red);
+}
+
+#[test]
+fn map_is_read_once_and_its_text_makes_the_same_scenario() {
+    let ego = format!("{START}\n{GOAL}");
+    let scenario = sound("crossing.xodr", &ego, "");
+    let map = scenario.road.map_text().unwrap();
+    let again = Scenario::parse_on("elsewhere.toml", &scenario.text, Some(map), &[]).unwrap();
+    assert_eq!(again, scenario);
+    assert!(matches!(&scenario.road.course, Ground::Map(course) if course.file == "crossing.xodr"));
+    let place = scenario.road.line().project(Point2::new(1.75, -100.0));
+    assert!(scenario.road.route().borders().contains(FrenetPoint { d_m: 0.0, ..place }));
+}
+
+#[test]
+fn wrong_places_are_one_clear_error_each() {
+    let both = format!("{START}\n{GOAL}");
+    let ego = |start: &str| format!("start = {start}\n{GOAL}");
+    let cases = [
+        ("nowhere.xodr", both.clone(), "", "map.file: ", "nowhere.xodr cannot be read"),
+        ("make.py", both.clone(), "", "map.file: ", "expected a road network with the root element"),
+        (
+            "crossing.xodr",
+            ego("{ road = \"9\", lane = -1, s_m = 5.0 }"),
+            "",
+            "ego.start: ",
+            "expected the identity of a road, found \"9\"",
+        ),
+        (
+            "crossing.xodr",
+            ego("{ road = \"4\", lane = -3, s_m = 5.0 }"),
+            "",
+            "ego.start: ",
+            "one of 2, 1, -1, -2; found -3",
+        ),
+        (
+            "crossing.xodr",
+            ego("{ road = \"4\", lane = -2, s_m = 5.0 }"),
+            "",
+            "ego.start: ",
+            "expected a driving lane",
+        ),
+        ("crossing.xodr", ego("{ road = \"4\", lane = -1, s_m = 151.0 }"), "", "ego.start: ", "151"),
+        ("crossing.xodr", ego("{ road = \"4\", lane = -1 }"), "", "ego.start.s_m: ", "is missing"),
+        (
+            "crossing.xodr",
+            ego("{ road = \"4\", lane = -1, s_m = 5.0, x = 1 }"),
+            "",
+            "ego.start.x: ",
+            "unknown key",
+        ),
+        ("crossing.xodr", ego("{ x_m = 80.0, y_m = 80.0 }"), "", "ego.start: ", "found one 78.3 m from it"),
+        ("crossing.xodr", START.to_owned(), "", "ego.goal: ", "is missing"),
+        (
+            "crossing.xodr",
+            format!("{START}\ngoal = {{ road = \"4\", lane = -1, s_m = 20.0 }}"),
+            "",
+            "ego.goal: ",
+            "no way leads over driving lanes from 4:0:-1 at 50.0 m to 4:0:-1 at 20.0 m",
+        ),
+        ("crossing.xodr", format!("{both}\nd_m = -2.0"), "", "ego: ", "outside the drivable ground"),
+        (
+            "crossing.xodr",
+            both.clone(),
+            "[[actor]]\nname = \"a\"\nkind = \"car\"\nstart = { road = \"4\", lane = -1, s_m = 52.0 }",
+            "ego: ",
+            "is inside the actor \"a\"",
+        ),
+        (
+            "crossing.xodr",
+            both.clone(),
+            "[[map.light]]\nsignals = [\"light_est\"]\ngreen_s = 1.0\nred_s = 1.0",
+            "map.light[0].signals: ",
+            "the map has no signal \"light_est\"; did you mean \"light_east\"?",
+        ),
+        (
+            "crossing.xodr",
+            both.clone(),
+            "[road]\nsegments = []",
+            "road: ",
+            "expected only one of `map` and `road`",
+        ),
+        ("crossing.xodr", both.clone(), "flie = 1", "map.flie: ", "unknown key; did you mean `file`?"),
+    ];
+    let wrong = cases.into_iter().filter_map(|(map, ego, rest, key, part)| {
+        let message = parsed(map, &ego, rest).err().unwrap_or_default();
+        let is_right = message.lines().count() == 1 && message.contains(key) && message.contains(part);
+        (!is_right).then(|| format!("expected {key}{part}, found\n{message}"))
+    });
+    let wrong: Vec<String> = wrong.collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
