@@ -32,8 +32,7 @@ pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
         anyhow::ensure!(!lines.is_empty(), "{}: no .toml file in this folder", folder.display());
     }
     for (name, file) in Kind::Scenario.all() {
-        let scenario = Scenario::parse(file.path, file.text).map_err(|problems| problems_error(&problems))?;
-        lines.push(line(name.to_owned(), &scenario));
+        lines.push(line(name.to_owned(), &file.scenario()?));
     }
     swerve_report::output::print(&left(&lines))
 }

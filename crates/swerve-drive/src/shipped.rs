@@ -9,13 +9,14 @@ use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use swerve_scenario::is_scenario_key;
+use swerve_scenario::{Scenario, is_scenario_key};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
 use swerve_text::{Document, Problem, Problems, nearest};
 
+use crate::load::problems_error;
 use crate::trust;
 
 /// A built-in file.
@@ -160,6 +161,25 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/two_processes.toml"
     "configs/urban_gnss.toml"
 };
+
+impl Shipped {
+    /// The scenario of a built-in file, with its built-in map.
+    ///
+    /// # Errors
+    /// All problems of the file.
+    pub fn scenario(&self) -> anyhow::Result<Scenario> {
+        let map = Document::parse(self.path, self.text).ok().and_then(|document| built_in_map(&document));
+        let scenario = Scenario::parse_on(self.path, self.text, map.as_ref(), &[]);
+        scenario.map_err(|problems| problems_error(&problems))
+    }
+}
+
+/// Text of the built-in map that a scenario names.
+fn built_in_map(scenario: &Document) -> Option<Arc<str>> {
+    let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
+    let path = format!("{MAPS}/{}", plain(name)?);
+    FILES.iter().find(|file| file.path == path).map(|file| file.text.into())
+}
 
 /// Folder of the maps of the scenarios.
 const MAPS: &str = "scenarios/maps";
@@ -331,8 +351,7 @@ impl Kind {
         if given.parent().unwrap_or(Path::new("")).join(name).exists() {
             return None;
         }
-        let path = format!("{MAPS}/{}", plain(name)?);
-        FILES.iter().find(|file| file.path == path).map(|file| file.text.into())
+        built_in_map(scenario)
     }
 
     /// Merges several configuration files, or built-in ones of these names, to one document; later files override
@@ -444,8 +463,11 @@ mod tests {
         let problems = std::fs::read_dir(root.join("configs/problems")).unwrap();
         there.extend(problems.map(|file| Path::new("configs/problems").join(file.unwrap().file_name())));
         let mut shipped: Vec<_> = FILES.iter().map(|file| Path::new(file.path).to_path_buf()).collect();
-        there.sort();
         shipped.sort();
+        let maps = std::fs::read_dir(root.join(MAPS)).unwrap().map(|file| file.unwrap().file_name());
+        let maps = maps.filter(|name| name.to_string_lossy().ends_with(".xodr"));
+        there.extend(maps.map(|name| Path::new(MAPS).join(name)));
+        there.sort();
         assert_eq!(shipped, there, "the list at the top of shipped.rs is not that of the folders");
         for file in FILES {
             assert_eq!(file.text, std::fs::read_to_string(root.join(file.path)).unwrap(), "{}", file.path);

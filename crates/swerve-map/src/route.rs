@@ -156,6 +156,13 @@ impl Route {
         limits.map(before).fold(f64::INFINITY, f64::min)
     }
 
+    /// Distance from arc length `s_m` to the next junction, metres: zero inside one, infinite if none follows.
+    pub fn to_junction_m(&self, s_m: f64) -> f64 {
+        let here = self.stretches.partition_point(|x| x.begin_m <= s_m).max(1) - 1;
+        let next = self.stretches.iter().skip(here).find(|x| x.in_junction);
+        next.map_or(f64::INFINITY, |next| (next.begin_m - s_m).max(0.0))
+    }
+
     /// Width of the drivable ground to the left of the line at arc length `s_m`, metres (positive).
     pub fn left_m(&self, s_m: f64) -> f64 {
         self.borders.left_m(s_m)

@@ -2,17 +2,23 @@
 //!
 //! A* over driving lanes: the cost is the length of the way, with [`CHANGE_M`] for each change to a lane beside it of
 //! the same direction; the estimate is the distance to the destination. Of equal costs, the lane with the smaller
-//! identity is taken first, so that the way is the same on every machine.
+//! identity is taken first, so that the way is the same on every machine. Lanes too tight for a car are taken only where
+//! nothing else leads to the destination.
 
 use core::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 
-use swerve_geom::Point2;
+use swerve_geom::{Point2, angle_between};
 
-use crate::{LaneId, LaneKind, Map};
+use crate::{Lane, LaneId, LaneKind, Map};
 
 /// Cost of a lane change, metres of way.
 pub const CHANGE_M: f64 = 20.0;
+
+/// Cost of a lane with a radius that is too small for a car, such as one for turning around on the spot, metres of way.
+const TIGHT_M: f64 = 2_000.0;
+/// Smallest radius of a lane for a car, metres.
+const RADIUS_MIN_M: f64 = 4.5;
 
 /// A place on a lane of a map.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -163,8 +169,16 @@ pub fn find(map: &Map, from: Stop, to: Stop) -> Option<Way> {
     }
     lanes.reverse();
     let mut way = Way { lanes, length_m: cost_m, ends_m: [from.s_m, to.s_m] };
-    way.length_m -= CHANGE_M * way.changes() as f64;
+    let tight = way.lanes.iter().filter(|(step, _)| *step == Step::Follow);
+    let tight = tight.filter(|(_, lane)| map.lane(*lane).is_some_and(is_tight)).count();
+    way.length_m -= CHANGE_M * way.changes() as f64 + TIGHT_M * tight as f64;
     Some(way)
+}
+
+/// Returns true if a lane turns with a smaller radius than a car can.
+fn is_tight(lane: &Lane) -> bool {
+    let [begin, end] = [0.0, lane.line.length()].map(|s_m| lane.line.at(s_m).pose.heading_rad);
+    angle_between(begin, end).abs() > lane.line.length() / RADIUS_MIN_M
 }
 
 impl Search<'_> {
@@ -184,6 +198,7 @@ impl Search<'_> {
 
     fn offer(&mut self, node: Node, cost_m: f64, entry_m: f64, (from, step): (Option<Node>, Step)) {
         let Some(lane) = self.map.lane(node.0).filter(|lane| lane.kind == LaneKind::Driving) else { return };
+        let cost_m = if step == Step::Follow && is_tight(lane) { cost_m + TIGHT_M } else { cost_m };
         if self.reached.get(&node).is_some_and(|at| at.closed || at.cost_m <= cost_m) {
             return;
         }

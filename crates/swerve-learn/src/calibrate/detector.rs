@@ -178,8 +178,7 @@ fn scenarios(folder: Option<&Path>) -> anyhow::Result<Vec<Scenario>> {
         }
         None => {
             let shipped = Kind::Scenario.all().filter(|(name, _)| !name.contains('/'));
-            let read = |(name, file): (&str, &Shipped)| Scenario::parse(name, file.text);
-            shipped.map(read).collect::<Result<_, _>>().map_err(|problems| problems_error(&problems))?
+            shipped.map(|(_, file)| file.scenario()).collect::<Result<_, _>>()?
         }
     };
     let peopled: Vec<Scenario> = all.into_iter().filter(|scenario| !scenario.actors.is_empty()).collect();

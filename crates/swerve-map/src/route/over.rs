@@ -23,6 +23,9 @@ const SAMPLE_M: f64 = 1.0;
 const ASIDE_M: f64 = 12.0;
 const ASIDE_STEP_M: f64 = 0.25;
 
+/// Largest gap between lanes of a junction that is ground too, metres: where their ends are not side by side.
+const GAP_M: f64 = 0.75;
+
 /// Share of the radius of a turn up to which ground on its inside is used.
 const RADIUS_SHARE: f64 = 0.8;
 
@@ -151,28 +154,9 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
         let mut points = vec![*parts.points.last().unwrap_or(&samples[0].at)];
         points.extend(samples[1..].iter().map(|sample| sample.at));
         let line = Polyline::new(&points)?;
-        let [from_ground, to_ground] = [from, to].map(|lane| drivable(map, lane));
-        let side = |of: &dyn Fn(&Sample) -> f64| stations(&points, samples.iter().map(of));
-        let ground = Borders::new(
-            side(&|x| (from_ground.left_m(x.s_m[0]) - x.d_m[0]).max(to_ground.left_m(x.s_m[1]) - x.d_m[1])),
-            side(&|x| (from_ground.right_m(x.s_m[0]) + x.d_m[0]).max(to_ground.right_m(x.s_m[1]) + x.d_m[1])),
-        );
-        let within = |x: &Sample| [x.share < 1.0, x.share > 0.0];
-        let widest = |of: [f64; 2], within: [bool; 2]| match within {
-            [true, true] => of[0].max(of[1]),
-            [true, false] => of[0],
-            _ => of[1],
-        };
-        let own = Borders::new(
-            side(&|x| {
-                let of = |k: usize, lane: &Lane| lane.borders.left_m(x.s_m[k]) - x.d_m[k];
-                widest([of(0, from), of(1, to)], within(x))
-            }),
-            side(&|x| {
-                let of = |k: usize, lane: &Lane| lane.borders.right_m(x.s_m[k]) + x.d_m[k];
-                widest([of(0, from), of(1, to)], within(x))
-            }),
-        );
+        let grounds = [from, to].map(|lane| drivable(map, lane));
+        let ground = around(&points, &samples, [&grounds[0], &grounds[1]], true);
+        let own = around(&points, &samples, [&from.borders, &to.borders], false);
         let leaves = samples.iter().position(|x| x.share > 0.5);
         match leaves {
             Some(0) => parts.stretch(map, to, 0.0),
@@ -186,6 +170,20 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
         row_m += row_length_m;
     }
     Ok(())
+}
+
+/// Borders around both of two others, each beside its own lane; or, except `always`, around those that the move has not
+/// left yet or has begun to enter.
+fn around(points: &[Point2], samples: &[Sample], of: [&Borders; 2], always: bool) -> Borders {
+    let widest = |sample: &Sample, distance_m: &dyn Fn(&Borders, f64) -> f64, sign: f64| {
+        let used = [always || sample.share < 1.0, always || sample.share > 0.0];
+        let beside = (0..2).filter(|k| used[*k]);
+        let distances = beside.map(|k| distance_m(of[k], sample.s_m[k]) - sign * sample.d_m[k]);
+        distances.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let left = samples.iter().map(|sample| widest(sample, &Borders::left_m, 1.0));
+    let right = samples.iter().map(|sample| widest(sample, &Borders::right_m, -1.0));
+    Borders::new(stations(points, left), stations(points, right))
 }
 
 /// A point of a change, with its places beside both lanes.
@@ -274,13 +272,12 @@ fn junction_ground(map: &Map, lane: &Lane) -> Borders {
             let s_m = length_m * k as f64 / count as f64;
             let inwards_1pm = sign * lane.line.at(s_m).curvature_1pm;
             let most_m = if inwards_1pm > 0.0 { ASIDE_M.min(RADIUS_SHARE / inwards_1pm) } else { ASIDE_M };
-            let mut distance_m = own.at(s_m);
-            while distance_m + ASIDE_STEP_M <= most_m {
-                let next_m = distance_m + ASIDE_STEP_M;
-                if !is_ground(at(s_m, sign * next_m)) {
-                    break;
+            let (mut distance_m, mut next_m) = (own.at(s_m), own.at(s_m) + ASIDE_STEP_M);
+            while next_m <= most_m && next_m - distance_m <= GAP_M {
+                if is_ground(at(s_m, sign * next_m)) {
+                    distance_m = next_m;
                 }
-                distance_m = next_m;
+                next_m += ASIDE_STEP_M;
             }
             let next_m = (distance_m + ASIDE_STEP_M).min(most_m);
             Station { s_m, distance_m: edge_m(distance_m, next_m, |d_m| is_ground(at(s_m, sign * d_m))) }

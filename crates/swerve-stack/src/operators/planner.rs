@@ -208,7 +208,8 @@ impl PlannerOperator {
         let target_speed_mps = memory.trust.target_speed_mps(free_mps, on_route, &predictions);
         let walled: Option<Vec<Prediction>> =
             stop.as_ref().map(|stop| predictions.iter().chain([&stop.wall]).cloned().collect());
-        let overtake_max_m = memory.trust.overtake_max_m(on_route);
+        // Nobody is overtaken in a junction or shortly before it.
+        let overtake_max_m = memory.trust.overtake_max_m(on_route).min(self.route.to_junction_m(place.s_m));
         let ground = memory.trust.ground(on_route);
         let request = Request {
             stamp,
