@@ -4,7 +4,8 @@
 //!
 //! ```text
 //! MeshLibrary::model ─> Instance ─┐
-//! RoadLayout ─> road_pieces ──────┴─> Scene
+//! RoadLayout ─> road_pieces ──────┼─> Scene
+//! swerve_map::Map ─> add_map ─────┘
 //! ```
 //!
 //! [`Mesh`] contains the triangles, [`Material`] the colours for cameras and the reflectance for lidars.
@@ -18,8 +19,10 @@ mod class;
 pub mod hash;
 mod library;
 mod look;
+mod map;
 mod material;
 mod mesh;
+mod paving;
 mod scene;
 pub mod town;
 pub mod vector;
@@ -31,6 +34,7 @@ pub use library::{
     ground_pieces, road_pieces, walk_phase,
 };
 pub use look::{Look, lamps};
+pub use map::{MapGround, SignalMast, add_map, map_pieces, signal_masts};
 pub use material::{Material, Texture};
 pub use mesh::{Body, Mesh, MeshBuilder, MeshError, MeshParts};
 pub use scene::{Instance, Light, Motion, Scene, StaticPart};

@@ -102,6 +102,8 @@ pub enum Kind {
     TrafficLight,
     /// Stop sign, facing +x.
     StopSign,
+    /// Sign to give way, facing +x.
+    YieldSign,
     /// Speed limit of 30, 50 or 80 km/h, facing +x.
     SpeedSign {
         /// The limit; other values are rounded to the nearest of 30, 50, 80.
@@ -154,7 +156,9 @@ impl Kind {
             Self::StreetLamp => Size::from_m(2.2, 0.3, 7.5),
             Self::Pole => Size::from_m(0.14, 0.14, near(4.0, 0.2)),
             Self::TrafficLight => Size::from_m(0.45, 0.4, 3.4),
-            Self::StopSign | Self::SpeedSign { .. } => Size::from_m(0.1, 0.7, near(2.6, 0.08)),
+            Self::StopSign | Self::YieldSign | Self::SpeedSign { .. } => {
+                Size::from_m(0.1, 0.7, near(2.6, 0.08))
+            }
             Self::GuardRail => Size::from_m(8.0, 0.3, 0.75),
             Self::Bin => Size::from_m(0.5, 0.5, near(1.0, 0.1)),
             Self::Block => Size::from_m(1.0, 1.0, 1.0),
@@ -174,7 +178,7 @@ impl Kind {
             Self::Tree | Self::Bush => SemanticClass::Vegetation,
             Self::StreetLamp | Self::Pole => SemanticClass::Pole,
             Self::TrafficLight => SemanticClass::TrafficLight,
-            Self::StopSign | Self::SpeedSign { .. } => SemanticClass::TrafficSign,
+            Self::StopSign | Self::YieldSign | Self::SpeedSign { .. } => SemanticClass::TrafficSign,
             Self::GuardRail => SemanticClass::GuardRail,
             Self::Bin | Self::Block => SemanticClass::Static,
         }
@@ -279,6 +283,7 @@ fn build(kind: Kind, size: Size, variation: u64) -> Mesh {
         Kind::Pole => street::pole(outline),
         Kind::TrafficLight => street::traffic_light(outline),
         Kind::StopSign => street::stop_sign(outline),
+        Kind::YieldSign => street::yield_sign(outline),
         Kind::SpeedSign { kmh } => street::speed_sign(outline, kmh),
         Kind::GuardRail => street::guard_rail(outline),
         Kind::Bin => street::bin(outline),

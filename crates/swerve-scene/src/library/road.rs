@@ -6,6 +6,7 @@ use crate::SemanticClass;
 use crate::hash::Draws;
 use crate::material::{Material, Texture};
 use crate::mesh::{Body, Mesh, MeshBuilder};
+use crate::paving::{KERB_M, PAINT_M, WHITE, YELLOW, asphalt, flags, kerb, paint, soil, verge};
 
 /// Pattern of a line on the road.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -94,10 +95,6 @@ pub struct RoadPiece {
     pub map_from_body: Transform<Map, Body>,
 }
 
-/// Height of the kerb, metres.
-const KERB_M: f32 = 0.12;
-/// Height of the paint above the road, metres.
-const PAINT_M: f32 = 0.006;
 /// Length of a road piece, metres; pieces are drawn or culled as a whole.
 const PIECE_M: f32 = 40.0;
 /// Maximum distance between two cross-sections, metres.
@@ -241,17 +238,6 @@ impl Strips<'_> {
     }
 }
 
-fn asphalt() -> Material {
-    let ground = Material { is_ground: true, ..Material::matt([0.115, 0.115, 0.118], 0.17) };
-    ground.textured(Texture::Asphalt, [0.2, 0.197, 0.19], 4.0).glossy(0.85, 0.04)
-}
-
-fn paint(is_yellow: bool) -> Material {
-    let colour = if is_yellow { [0.6, 0.42, 0.06] } else { [0.62, 0.62, 0.6] };
-    let material = Material { is_ground: true, ..Material::matt(colour, 0.55) };
-    material.textured(Texture::WornPaint, [0.17, 0.17, 0.17], 2.0).glossy(0.6, 0.04).retro_reflective()
-}
-
 fn piece(layout: &RoadLayout, stations: &[Station], span: (f32, f32), mut draws: Draws) -> RoadPiece {
     let origin = at(stations, 0.5 * (span.0 + span.1)).at;
     let mut strips = Strips { builder: MeshBuilder::new(30.0), stations, origin };
@@ -266,7 +252,7 @@ fn piece(layout: &RoadLayout, stations: &[Station], span: (f32, f32), mut draws:
     for line in &layout.lines {
         marking(&mut strips, line, span);
     }
-    let white = strips.builder.material(paint(false));
+    let white = strips.builder.material(paint(WHITE));
     for &s in layout.crossings_m.iter().filter(|s| (span.0..span.1).contains(*s)) {
         let bars = ((left - right) / 1.0).floor().max(1.0) as usize;
         for k in 0..bars {
@@ -287,7 +273,8 @@ fn piece(layout: &RoadLayout, stations: &[Station], span: (f32, f32), mut draws:
 
 /// Paint of one line on a stretch; strokes of dashed lines are counted from the start of the road.
 fn marking(strips: &mut Strips<'_>, line: &LaneLine, (from, to): (f32, f32)) {
-    let material = strips.builder.material(paint(line.is_yellow));
+    let colour = if line.is_yellow { YELLOW } else { WHITE };
+    let material = strips.builder.material(paint(colour));
     let (low, high) = (line.offset_m - 0.5 * line.width_m, line.offset_m + 0.5 * line.width_m);
     match line.pattern {
         LinePattern::Solid => strips.strip(material, (from, to), (low, PAINT_M), (high, PAINT_M)),
@@ -337,26 +324,17 @@ fn side(strips: &mut Strips<'_>, side: SideOfRoad, edge: f32, out: f32, span: (f
             strips.strip(material, span, outer, inner);
         }
     };
-    let grass = Material { is_ground: false, ..Material::matt([0.055, 0.085, 0.022], 0.45) };
-    let grass = grass.textured(Texture::Grass, [0.14, 0.17, 0.05], 3.0).with_class(SemanticClass::Terrain);
     match side {
         SideOfRoad::Verge => {
-            let soil =
-                Material::matt([0.13, 0.11, 0.08], 0.25).textured(Texture::Asphalt, [0.22, 0.19, 0.14], 2.0);
-            strip(soil.with_class(SemanticClass::Terrain), (edge, 0.0), (edge + 0.35 * out, -0.01));
-            strip(grass, (edge + 0.35 * out, -0.01), (edge + 3.0 * out, -0.03));
+            strip(soil(), (edge, 0.0), (edge + 0.35 * out, -0.01));
+            strip(verge(), (edge + 0.35 * out, -0.01), (edge + 3.0 * out, -0.03));
         }
         SideOfRoad::Pavement { width_m } => {
-            let stone = Material { is_ground: true, ..Material::matt([0.3, 0.29, 0.27], 0.3) };
-            let kerb =
-                stone.textured(Texture::Slabs, [0.2, 0.19, 0.18], 1.0).with_class(SemanticClass::Sidewalk);
-            let flags =
-                stone.textured(Texture::Slabs, [0.19, 0.18, 0.165], 1.2).with_class(SemanticClass::Sidewalk);
-            strip(kerb, (edge, 0.0), (edge + 0.02 * out, KERB_M));
-            strip(kerb, (edge + 0.02 * out, KERB_M), (edge + 0.16 * out, KERB_M));
+            strip(kerb(), (edge, 0.0), (edge + 0.02 * out, KERB_M));
+            strip(kerb(), (edge + 0.02 * out, KERB_M), (edge + 0.16 * out, KERB_M));
             let far = edge + (0.16 + width_m) * out;
-            strip(flags, (edge + 0.16 * out, KERB_M), (far, KERB_M));
-            strip(kerb, (far, KERB_M), (far + 0.05 * out, -0.05));
+            strip(flags(), (edge + 0.16 * out, KERB_M), (far, KERB_M));
+            strip(kerb(), (far, KERB_M), (far + 0.05 * out, -0.05));
         }
     }
 }

@@ -77,29 +77,57 @@ fn sign([length, width, height]: [f32; 3], sides: u32, face: Material, rim: Mate
     let steel = steel(&mut builder);
     let back = builder.material(Material::matt([0.3; 3], 0.4).glossy(0.5, 0.1));
     let (face, rim) = (builder.material(face), builder.material(rim));
-    let radius = 0.5 * width;
     let x = (0.5 * length).max(0.03);
     builder.cone(steel, (0.0, 0.03), (height - 0.2 * width, 0.03), 8, true);
-    // With corners turned by half a step an octagon has a horizontal lower edge; its flat sides touch the bounding box.
-    let half_step = core::f32::consts::PI / sides as f32;
-    let (s, c) = libm::sincosf(half_step);
-    let reach = if sides == 8 { radius / c } else { radius };
-    let turned = if sides == 8 { [[0.0, c, s], [0.0, -s, c]] } else { [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
-    builder.place =
-        Placed { axes: [turned[0], turned[1], [1.0, 0.0, 0.0]], origin: [0.0, 0.0, height - radius] };
+    let plate = Plate::new(sides, width);
+    let (s, c) = libm::sincosf(plate.turn_rad);
+    let turned =
+        if plate.turn_rad == 0.0 { [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] } else { [[0.0, c, s], [0.0, -s, c]] };
+    let (z, reach) = (height - plate.above, plate.reach);
+    builder.place = Placed { axes: [turned[0], turned[1], [1.0, 0.0, 0.0]], origin: [0.0, 0.0, z] };
     builder.cone(back, (x - 0.012, reach), (x - 0.002, reach), sides, false);
     builder.disc(back, x - 0.012, reach, sides, false);
     builder.disc(rim, x - 0.002, reach, sides, true);
-    builder.place = Placed::at([0.0, 0.0, height - radius]);
-    face_of(&mut builder, face, x, 0.90 * reach, sides);
+    builder.place = Placed::at([0.0, 0.0, z]);
+    face_of(&mut builder, face, x, plate.face * reach, plate.turn_rad, sides);
     builder.finish()
 }
 
+/// Outline of a sign's plate.
+struct Plate {
+    /// Angle of its first corner from the horizontal, radians.
+    turn_rad: f32,
+    /// Distance of its corners from the middle, and of its upper end above the middle, metres.
+    reach: f32,
+    above: f32,
+    /// Share of the face without the rim.
+    face: f32,
+}
+
+impl Plate {
+    fn new(sides: u32, width: f32) -> Self {
+        let radius = 0.5 * width;
+        match sides {
+            // On a corner.
+            3 => {
+                let reach = width / 3.0_f32.sqrt();
+                Self { turn_rad: -core::f32::consts::FRAC_PI_2, reach, above: 0.5 * reach, face: 0.66 }
+            }
+            // With corners turned by half a step an octagon has a horizontal lower edge; its flat sides touch the
+            // bounding box.
+            8 => {
+                let turn_rad = core::f32::consts::PI / 8.0;
+                Self { turn_rad, reach: radius / libm::sincosf(turn_rad).1, above: radius, face: 0.90 }
+            }
+            _ => Self { turn_rad: 0.0, reach: radius, above: radius, face: 0.90 },
+        }
+    }
+}
+
 /// Printed face, with texture coordinates 0 to 1 upright over its square.
-fn face_of(builder: &mut MeshBuilder, material: u16, x: f32, reach: f32, sides: u32) {
-    let turn = if sides == 8 { core::f32::consts::PI / 8.0 } else { 0.0 };
+fn face_of(builder: &mut MeshBuilder, material: u16, x: f32, reach: f32, turn_rad: f32, sides: u32) {
     let corner = |k: u32| {
-        let (s, c) = libm::sincosf(turn + core::f32::consts::TAU * k as f32 / sides as f32);
+        let (s, c) = libm::sincosf(turn_rad + core::f32::consts::TAU * k as f32 / sides as f32);
         ([x, reach * c, reach * s], [0.5 + 0.5 * c, 0.5 + 0.5 * s])
     };
     for k in 0..sides {
@@ -113,6 +141,13 @@ pub(super) fn stop_sign(outline: [f32; 3]) -> Mesh {
     let red = Material::matt([0.42, 0.012, 0.016], 0.8).textured(Texture::Stop, [0.72, 0.72, 0.70], 1.0);
     let white = Material::matt([0.72, 0.72, 0.70], 0.9);
     sign(outline, 8, red.retro_reflective(), white.retro_reflective())
+}
+
+/// Sign to give way: a triangle on its tip.
+pub(super) fn yield_sign(outline: [f32; 3]) -> Mesh {
+    let white = Material::matt([0.72, 0.72, 0.70], 0.9);
+    let red = Material::matt([0.5, 0.016, 0.02], 0.8);
+    sign(outline, 3, white.retro_reflective(), red.retro_reflective())
 }
 
 /// Speed limit: the nearest of 30, 50 and 80.

@@ -1,6 +1,6 @@
 use super::*;
 
-const KINDS: [Kind; 21] = [
+const KINDS: [Kind; 22] = [
     Kind::Sedan,
     Kind::Hatchback,
     Kind::Suv,
@@ -18,6 +18,7 @@ const KINDS: [Kind; 21] = [
     Kind::Pole,
     Kind::TrafficLight,
     Kind::StopSign,
+    Kind::YieldSign,
     Kind::SpeedSign { kmh: 50 },
     Kind::GuardRail,
     Kind::Bin,
