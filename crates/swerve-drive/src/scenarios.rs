@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
 
+use crate::read_scenario;
 use crate::shipped::Kind;
-use crate::{problems_error, read_scenario};
 
 /// Default folder of scenarios.
 const FOLDER: &str = "scenarios";

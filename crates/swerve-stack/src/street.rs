@@ -15,9 +15,9 @@ use swerve_core::Rng;
 use swerve_geom::{Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorId, ActorKind, Signal};
-use swerve_scenario::{PAVEMENT_M, Scenario, Strip, TrafficLight};
+use swerve_scenario::{Course, PAVEMENT_M, Scenario, Strip, TrafficLight};
 use swerve_scene::{
-    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
+    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, add_map, lamps,
     road_pieces, walk_phase,
 };
 use swerve_vehicle::Shape;
@@ -52,9 +52,12 @@ impl Street {
         let line = scenario.road.line();
         let look = |id: ActorId| Rng::keyed(seed, "look", &[i64::from(id.0)]).bits();
         let actors = scenario.actors.iter().map(|a| (a.id, (look(a.id), a.pose(&line).point()))).collect();
-        if let Some(strip) = scenario.road.strip() {
-            road(&mut scene, strip, &scenario.road.lights, seed);
-            scenery::add(&mut scene, scenario, strip, seed);
+        match &scenario.road.course {
+            Course::Strip(strip) => {
+                road(&mut scene, strip, &scenario.road.lights, seed);
+                scenery::add(&mut scene, scenario, strip, seed);
+            }
+            Course::Map(course) => add_map(&mut scene, &course.map, seed),
         }
         let size = Size::from_m(ego.length_m, ego.width_m, ego.height_m);
         let model = scene.meshes.model_sized(Kind::Sedan, size, look(ActorId::EGO));
