@@ -168,8 +168,17 @@ fn schema_accepts_what_the_reader_accepts() {
 /// The TOML example in the documentation of scenarios, which contains every key.
 fn every_key() -> String {
     let source = include_str!("../../../swerve-scenario/src/lib.rs");
-    let (_, rest) = source.split_once("```toml\n").unwrap();
-    let (form, _) = rest.split_once("```").unwrap();
+    documented(source.split("```toml\n").nth(1).unwrap())
+}
+
+/// That of a scenario on a map.
+fn every_key_of_a_map() -> String {
+    let source = include_str!("../../../swerve-scenario/src/lib.rs");
+    documented(source.split("```toml\n").nth(2).unwrap())
+}
+
+fn documented(block: &str) -> String {
+    let (form, _) = block.split_once("```").unwrap();
     form.lines().map(|line| line.trim_start_matches("//!").to_owned() + "\n").collect()
 }
 
@@ -190,6 +199,8 @@ fn keys(root: &Value, schema: &Value, at: &str, into: &mut Vec<String>) {
 #[test]
 fn scenario_schema_has_the_keys_of_the_reader() {
     assert_eq!(wrong(FileKind::Scenario, &every_key()), Vec::<String>::new());
+    let on_map = format!("name = \"a\"\n{}", every_key_of_a_map());
+    assert_eq!(wrong(FileKind::Scenario, &on_map), Vec::<String>::new());
     let schema = FileKind::Scenario.schema(&Registry::standard()).to_value();
     let mut all = Vec::new();
     keys(&schema, &schema, "", &mut all);
@@ -203,7 +214,7 @@ fn scenario_schema_has_the_keys_of_the_reader() {
         let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
         assert!(told.iter().any(|problem| problem.contains(&refused[1..])), "{told:?}");
     }
-    let form = every_key();
+    let form = every_key() + &every_key_of_a_map();
     for key in all.iter().map(|key| key.rsplit('.').next().unwrap()) {
         let is_used = form.contains(key) || swerve_scenario::Metric::ALL.iter().any(|m| m.name() == key);
         assert!(is_used, "{key} is in the schema, and in no documentation of the text form");

@@ -242,7 +242,32 @@ const SCENARIO: &str = r#"
     verdict = "avoided"
 "#;
 
-/// Path in [`SCENARIO`] of a key of the list.
+/// A map, lights and ways with values within their ranges; places have the form of either.
+const ON_MAP: &str = r#"
+    name = "on_map"
+    map = { file = "crossing.xodr", friction = 0.9, light = [{ controller = "north_south", green_s = 10.0, yellow_s = 3.0,
+      red_s = 10.0, offset_s = 1.0 }] }
+    ego = { start = FROM, via = [VIA], goal = TO, target_speed_mps = 10.0 }
+    actor = [{ name = "box", kind = "car", start = FROM_2, via = [VIA], goal = TO }]
+"#;
+
+/// Text of a scenario that has a key; with places of the form that the key belongs to.
+fn scenario_with(key: &str) -> String {
+    let is_place = ["start", "via", "goal"].iter().any(|part| key.split('.').any(|one| one == *part));
+    if !(key.starts_with("map.") || is_place) {
+        return SCENARIO.to_owned();
+    }
+    let places = match key.ends_with(".s_m") || !is_place {
+        true => [("4", -1, 50.0), ("42", -1, 5.0), ("2", 1, 60.0), ("4", -1, 90.0)]
+            .map(|(road, lane, s_m)| format!("{{ road = \"{road}\", lane = {lane}, s_m = {s_m:?} }}")),
+        false => [-111.0, 0.0, 101.0, -71.0]
+            .map(|y_m| format!("{{ x_m = 1.75, y_m = {y_m:?}, heading_rad = 1.57 }}")),
+    };
+    let [from, via, to, from_2] = places;
+    ON_MAP.replace("FROM_2", &from_2).replace("FROM", &from).replace("VIA", &via).replace("TO", &to)
+}
+
+/// Path in the scenario of a key of the list.
 fn place_in_scenario(key: &str) -> String {
     const PLACES: [(&str, &str); 9] = [
         ("actor.NAME.motion.NAME.wait", "actor.walker.motion.0.wait"),
@@ -260,6 +285,8 @@ fn place_in_scenario(key: &str) -> String {
         key.replace("actor.NAME", "actor.box")
             .replace("light.NAME", "light.a")
             .replace("segments.NAME", "segments.0")
+            .replace("via.NAME", "via.0")
+            .replace("map.light.a", "map.light.0")
     });
     format!("scenario.{place}")
 }
@@ -271,6 +298,11 @@ fn every_number_of_a_scenario_has_a_minimum_and_a_maximum() {
     let numbers: Vec<&Key> =
         all.iter().filter(|key| matches!(key.form.as_str(), "number" | "whole number")).collect();
     assert!(numbers.len() > 80, "{}", numbers.len());
+    let map: std::sync::Arc<str> = include_str!("../../../../scenarios/maps/crossing.xodr").into();
+    for key in ["ego.start.s_m", "ego.start.x_m", "name"] {
+        let read = Scenario::parse_on("s.toml", &scenario_with(key), Some(&map), &[]);
+        assert!(read.is_ok(), "{key}: {}", read.err().unwrap());
+    }
     let mut wrong = Vec::new();
     for key in numbers {
         let ends = key.range.as_deref().and_then(floor_and_ceiling);
@@ -282,8 +314,8 @@ fn every_number_of_a_scenario_has_a_minimum_and_a_maximum() {
         let refused = |value: &str| {
             let (_, value) = parse_assignment(&format!("x={value}")).unwrap();
             let place = place_in_scenario(&key.key);
-            let problems =
-                Scenario::parse_with("s.toml", SCENARIO, &[(place.clone(), value)]).err().unwrap_or_default();
+            let (text, sets) = (scenario_with(&key.key), [(place.clone(), value)]);
+            let problems = Scenario::parse_on("s.toml", &text, Some(&map), &sets).err().unwrap_or_default();
             problems.iter().any(|problem| problem.key == place && problem.message.contains(&range))
         };
         let slips = outside_of(ends, false);
