@@ -9,7 +9,9 @@ use swerve_camera::{
     Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, Shutter, View, mount,
 };
 use swerve_geom::{Ego, Map, Point, Point2, Transform};
-use swerve_scene::{Instance, Kind, RoadLayout, Scene, SideOfRoad, WeatherPreset, lamps, road_pieces};
+use swerve_scene::{
+    Instance, Kind, RoadLayout, Scene, SemanticClass, SideOfRoad, WeatherPreset, lamps, road_pieces,
+};
 
 /// Kinds, nearest row first, each row from the left.
 const ROWS: [&[Kind]; 4] = [
@@ -22,6 +24,7 @@ const ROWS: [&[Kind]; 4] = [
         Kind::Motorcycle,
         Kind::Bin,
         Kind::StopSign,
+        Kind::YieldSign,
         Kind::SpeedSign { kmh: 30 },
         Kind::SpeedSign { kmh: 80 },
         Kind::TrafficLight,
@@ -53,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             id += 1;
             let y = spread * (0.5 - (k as f64 + 0.5) / kinds.len() as f64);
             let model = scene.meshes.model(*kind, u64::from(id));
-            let faces_us = matches!(kind, Kind::StopSign | Kind::SpeedSign { .. } | Kind::TrafficLight);
+            let faces_us = kind.class() == SemanticClass::TrafficSign || *kind == Kind::TrafficLight;
             let yaw =
                 if faces_us { 3.1 } else { yaw + 0.4 * (k as f64 - 2.0) * f64::from(x > 10.0 && x < 20.0) };
             let mut instance = Instance::new(&model, x, y, yaw).with_id(id);

@@ -15,7 +15,7 @@ pub enum Side {
     Right,
 }
 
-/// What is painted or built along the border of a lane. Of two lines, the one nearer to the lane is named first.
+/// Paint or structure along the border of a lane. Of two lines, the one nearer to the lane is named first.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MarkKind {

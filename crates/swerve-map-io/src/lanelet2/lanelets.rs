@@ -141,6 +141,8 @@ fn lanelet<'a>(
         ends: [line.nodes[0], line.nodes[line.nodes.len() - 1]],
     };
     let sides = [side(left_way, inverted[0], &left), side(right_way, inverted[1], &right)];
+    // A lane is to the right of its left border.
+    let marks = [0, 1].map(|k| marks::mark(xml, osm, sides[k].way, (k == 0) == sides[k].inverted));
     Some(Lanelet {
         relation: id,
         backward: false,
@@ -152,7 +154,7 @@ fn lanelet<'a>(
             left: distinct(left.points),
             right: distinct(right.points),
             center,
-            marks: marks::marks(xml, osm, &sides),
+            marks,
             beside: [None; 2],
             successors: BTreeSet::new(),
         },

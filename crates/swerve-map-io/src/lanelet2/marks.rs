@@ -2,23 +2,14 @@
 
 use swerve_map::{MARK_WIDTH_M, Mark, MarkColour, MarkKind};
 
-use super::lanelets::Side;
 use super::osm::{Osm, tag, tag_element};
 use super::tags::is_yes;
 use crate::draft::WIDE_MARK_M;
-use crate::xml::{Element, Reader};
-
-/// Marks of a lanelet with these borders, in its direction of travel.
-pub(super) fn marks(xml: &mut Reader, osm: &Osm<'_>, sides: &[Side; 2]) -> [Option<Mark>; 2] {
-    [0, 1].map(|side| {
-        let Side { way, inverted, .. } = sides[side];
-        // A lane is to the right of its left border.
-        mark(xml, osm.ways.get(&way)?.element, (side == 0) == inverted)
-    })
-}
+use crate::xml::Reader;
 
 /// Mark of a way for a lane on its left or right; `None` for ways of other types and without one.
-fn mark(xml: &mut Reader, way: Element<'_>, is_at_left: bool) -> Option<Mark> {
+pub(super) fn mark(xml: &mut Reader, osm: &Osm<'_>, way: i64, is_at_left: bool) -> Option<Mark> {
+    let way = osm.ways.get(&way)?.element;
     let kind = kind_of(tag(way, "type")?, tag(way, "subtype").unwrap_or_default())?;
     let usual_m = if tag(way, "type") == Some("line_thick") { WIDE_MARK_M } else { MARK_WIDTH_M };
     let width = tag_element(way, "width").and_then(|width| xml.lenient(width, "v"));

@@ -3,7 +3,7 @@
 use swerve_geom::{Point2, Polyline, angle_between};
 use swerve_map::{Border, Borders, Lane, LaneId, LaneKind, Map, Side, Station as Width};
 
-use super::side::{is_road, neighbour, sign};
+use super::side::{is_road, neighbour, outwards, sign};
 use super::station::Strip;
 
 /// Largest distance of two points of the line of a corner, metres.
@@ -59,21 +59,16 @@ fn way(map: &Map, first: LaneId, is_inside: impl Fn(LaneId) -> bool) -> Option<(
     (!lanes.is_empty() && !is_inside(next.id)).then_some((lanes, next))
 }
 
-/// Pavement beside an end of a lane, beyond its neighbours in the same direction.
+/// Pavement beside an end of a lane, beyond other lanes than those for driving.
 fn pavement(map: &Map, lane: &Lane, side: Side, is_end: bool) -> Option<Pavement> {
-    let (mut from, mut gap_m) = (lane, 0.0);
-    for _ in 0..map.lanes().len() {
-        let beside = neighbour(from, side)?;
-        let next = map.lane(beside.lane)?;
-        let width_m = next.width_m(if is_end == beside.opposite { 0.0 } else { next.line.length() });
-        if next.kind == LaneKind::Walking {
-            return Some(Pavement { gap_m, width_m });
+    let mut gap_m = 0.0;
+    for (next, is_along) in outwards(map, lane, side) {
+        let width_m = next.width_m(if is_end == is_along { next.line.length() } else { 0.0 });
+        match next.kind {
+            LaneKind::Walking => return Some(Pavement { gap_m, width_m }),
+            LaneKind::Driving => return None,
+            _ => gap_m += width_m,
         }
-        if beside.opposite || next.kind == LaneKind::Driving {
-            return None;
-        }
-        gap_m += width_m;
-        from = next;
     }
     None
 }

@@ -86,6 +86,15 @@ impl<'m> MapGround<'m> {
         self.inside.contains(&lane)
     }
 
+    /// True if the marks of a border belong to the lane: a neighbour that has marks for the same border does not come first.
+    pub(super) fn has_marks(&self, lane: &Lane, side: Side) -> bool {
+        let (Some(beside), Some(other)) = (neighbour(lane, side), self.beside(lane, side)) else {
+            return true;
+        };
+        let back = if beside.opposite == (side == Side::Left) { Side::Left } else { Side::Right };
+        lane.id < other.id || other.marks.of(back).is_empty()
+    }
+
     /// Lane beside another one.
     pub(super) fn beside(&self, lane: &Lane, side: Side) -> Option<&'m Lane> {
         self.map.lane(neighbour(lane, side)?.lane)

@@ -7,7 +7,7 @@ use swerve_map::{Crossing, LaneKind, Map, Mark, MarkColour, MarkKind, Side, Stop
 
 use super::ground::MapGround;
 use super::pavement;
-use super::side::{is_road, neighbour, sign};
+use super::side::{is_road, sign, spans};
 use super::station::{Station, Strip};
 use super::tiles::Tiles;
 use crate::material::Material;
@@ -36,7 +36,7 @@ const BAR_M: f64 = 0.5;
 
 /// Marks along the borders of a lane.
 pub(super) fn borders(tiles: &mut Tiles, ground: &MapGround<'_>, strip: &Strip<'_>) {
-    for side in [Side::Left, Side::Right].into_iter().filter(|side| !is_of_neighbour(ground, strip, *side)) {
+    for side in [Side::Left, Side::Right].into_iter().filter(|side| ground.has_marks(strip.lane, *side)) {
         pavement::kerbs(tiles, ground, strip, side);
         if !ground.is_inside(strip.lane.id) {
             lines(tiles, ground, strip, side);
@@ -44,28 +44,16 @@ pub(super) fn borders(tiles: &mut Tiles, ground: &MapGround<'_>, strip: &Strip<'
     }
 }
 
-/// True if the neighbour on a side has marks for the same border and comes first.
-fn is_of_neighbour(ground: &MapGround<'_>, strip: &Strip<'_>, side: Side) -> bool {
-    let (Some(beside), Some(other)) = (neighbour(strip.lane, side), ground.beside(strip.lane, side)) else {
-        return false;
-    };
-    let back = if beside.opposite == (side == Side::Left) { Side::Left } else { Side::Right };
-    other.id < strip.lane.id && !other.marks.of(back).is_empty()
-}
-
 fn lines(tiles: &mut Tiles, ground: &MapGround<'_>, strip: &Strip<'_>, side: Side) {
-    let marks = strip.lane.marks.of(side);
     let is_edge = ground.beside(strip.lane, side).is_none_or(|lane| !is_road(lane.kind));
-    let length_m = strip.lane.line.length();
-    for (k, mark) in marks.iter().enumerate() {
-        let to_m = marks.get(k + 1).map_or(length_m, |next| next.from_m.min(length_m));
+    for (mark, span_m) in spans(strip.lane, side) {
         let width_m = mark.width_m.clamp(WIDTHS_M[0], WIDTHS_M[1]);
         for (offset, pattern_m) in patterns(mark.kind).iter().flatten() {
             // The outer line of two is one width inside the edge, so that both are on the asphalt.
             let middle_m =
                 offset * width_m - if is_edge { INSIDE_M + (0.5 + offset.abs()) * width_m } else { 0.0 };
             let paint = Line { side, middle_m, width_m, material: material(mark) };
-            strokes([mark.from_m.max(0.0), to_m], *pattern_m, |span_m| paint.draw(tiles, strip, span_m));
+            strokes(span_m, *pattern_m, |span_m| paint.draw(tiles, strip, span_m));
         }
     }
 }

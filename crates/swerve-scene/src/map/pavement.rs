@@ -4,7 +4,7 @@ use swerve_geom::Point2;
 use swerve_map::{MarkKind, Side};
 
 use super::ground::MapGround;
-use super::side::{is_road, sign};
+use super::side::{is_road, sign, spans};
 use super::station::{Station, Strip};
 use super::tiles::Tiles;
 use crate::paving::{GRASS_M, KERB_M, flags, kerb};
@@ -95,16 +95,13 @@ fn raised(tiles: &mut Tiles, stations: &[Station], columns: usize, kept: &[Vec<b
 
 /// Kerbs along a border without a pavement beyond it.
 pub(super) fn kerbs(tiles: &mut Tiles, ground: &MapGround<'_>, strip: &Strip<'_>, side: Side) {
-    let marks = strip.lane.marks.of(side);
     let beyond = ground.beside(strip.lane, side);
     if beyond.is_some_and(|lane| !is_road(lane.kind)) {
         return;
     }
     // Between two lanes, half of the stone is on each.
     let inner_m = if beyond.is_some() { -0.5 * STONE_M } else { 0.0 };
-    for (k, _) in marks.iter().enumerate().filter(|(_, mark)| mark.kind == MarkKind::Kerb) {
-        let to_m = marks.get(k + 1).map_or(f64::INFINITY, |next| next.from_m);
-        let span_m = [marks[k].from_m.max(0.0), to_m.min(strip.lane.line.length())];
+    for (_, span_m) in spans(strip.lane, side).filter(|(mark, _)| mark.kind == MarkKind::Kerb) {
         let stations = strip.between(span_m);
         for two in stations.windows(2) {
             let at = |station: &Station, out_m: f64| station.at(station.border_m(side) + sign(side) * out_m);

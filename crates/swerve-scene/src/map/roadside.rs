@@ -4,7 +4,7 @@ use swerve_geom::{Point2, Pose2};
 use swerve_map::{Lane, LaneKind, Map, Side, Signal, SignalId, StopLine, StopSign};
 
 use super::ground::MapGround;
-use super::side::{is_road, neighbour, sign};
+use super::side::{is_road, neighbour, outwards, sign};
 use super::station::Station;
 
 /// Distance of posts from the road, metres.
@@ -84,18 +84,12 @@ fn beside_road(ground: &MapGround<'_>, lane: &Lane, s_m: f64, taken: &[Point2]) 
     })
 }
 
-/// Width of the lanes with asphalt beyond a border, metres.
+/// Width of the lanes with asphalt beyond a border that run in the lane's direction, metres.
 fn road_beyond_m(ground: &MapGround<'_>, lane: &Lane, side: Side, s_m: f64) -> f64 {
-    let (mut from, mut beyond_m) = (lane, 0.0);
-    for _ in 0..ground.map.lanes().len() {
-        let is_along = neighbour(from, side).is_some_and(|beside| !beside.opposite);
-        let Some(next) = ground.beside(from, side).filter(|next| is_along && is_road(next.kind)) else {
-            break;
-        };
-        beyond_m += next.width_m(s_m / lane.line.length() * next.line.length());
-        from = next;
-    }
-    beyond_m
+    let share = s_m / lane.line.length();
+    let beyond =
+        outwards(ground.map, lane, side).take_while(|(next, is_along)| *is_along && is_road(next.kind));
+    beyond.map(|(next, _)| next.width_m(share * next.line.length())).sum()
 }
 
 fn is_free(taken: &[Point2], at: Point2) -> bool {

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use swerve_geom::{Obb, Point, Point2, Pose2, Transform};
-use swerve_map::{Lane, Map, MarkKind, Side, StopSign};
+use swerve_map::{Lane, LaneKind, Map, Mark, MarkKind, Side, StopSign};
 
 use super::ground::MapGround;
 use super::roadside::signs;
-use super::side::{neighbour, sign};
+use super::side::{neighbour, outwards, sign, spans};
 use super::station::Station;
 use crate::hash::Draws;
 use crate::library::{Kind, MeshLibrary, Model, Size};
@@ -15,8 +15,12 @@ use crate::scene::{Instance, Light, Scene};
 
 /// Roads with a higher speed limit have no houses and lamps, m/s.
 const TOWN_MPS: f64 = 20.0;
+/// Nor have roads with a shoulder that is wider, metres: motorways.
+const HARD_SHOULDER_M: f64 = 1.5;
 /// Distance of houses from the road, metres.
 const SETBACK_M: f64 = 3.0;
+/// Reach of balconies and awnings beyond the walls of a house, metres.
+const BALCONY_M: f64 = 1.0;
 /// Distance of all objects from lanes, metres.
 const CLEAR_M: f64 = 0.2;
 /// Distance of street lamps along the road, metres.
@@ -141,16 +145,15 @@ impl Rows<'_, '_> {
     /// Guard rails along the borders that have one.
     fn rails(&mut self, lane: &Lane) {
         for side in [Side::Left, Side::Right] {
-            let marks = lane.marks.of(side);
-            for (k, mark) in marks.iter().enumerate().filter(|(_, mark)| mark.kind == MarkKind::Barrier) {
-                let to_m = marks.get(k + 1).map_or(f64::INFINITY, |next| next.from_m).min(lane.line.length());
-                let pieces = ((to_m - mark.from_m) / RAIL_M).round().max(1.0);
-                let length_m = (to_m - mark.from_m) / pieces;
+            let is_own = self.ground.has_marks(lane, side);
+            let is_rail = |(mark, _): &(&Mark, [f64; 2])| is_own && mark.kind == MarkKind::Barrier;
+            for (_, [from_m, to_m]) in spans(lane, side).filter(is_rail) {
+                let pieces = ((to_m - from_m) / RAIL_M).round().max(1.0);
+                let length_m = (to_m - from_m) / pieces;
                 let model =
                     self.scene.meshes.model_sized(Kind::GuardRail, Size::from_m(length_m, 0.3, 0.75), 1);
                 for piece in 0..pieces as u32 {
-                    let pose =
-                        Row { lane, side }.pose(mark.from_m + length_m * (f64::from(piece) + 0.5), 0.15);
+                    let pose = Row { lane, side }.pose(from_m + length_m * (f64::from(piece) + 0.5), 0.15);
                     // Its face is to the right of its direction.
                     self.add(&model, Pose2::new(pose.x_m, pose.y_m, pose.heading_rad + QUARTER));
                 }
@@ -159,13 +162,12 @@ impl Rows<'_, '_> {
     }
 
     fn beside(&mut self, row: &Row<'_>, draws: &mut Draws) {
-        let is_town = row.lane.speed_limit_mps.is_none_or(|limit_mps| limit_mps <= TOWN_MPS);
-        if is_town {
+        if is_in_town(&self.ground, row.lane) {
             self.lamps(row);
-        }
-        self.plants(row, draws);
-        if is_town {
+            self.plants(row, [0.8, 1.8], draws);
             self.houses(row, draws);
+        } else {
+            self.plants(row, [4.0, 8.0], draws);
         }
     }
 
@@ -183,17 +185,17 @@ impl Rows<'_, '_> {
         }
     }
 
-    fn plants(&mut self, row: &Row<'_>, draws: &mut Draws) {
+    fn plants(&mut self, row: &Row<'_>, [near_m, far_m]: [f32; 2], draws: &mut Draws) {
         let mut s_m = f64::from(draws.between(0.0, 9.0));
         while s_m < row.lane.line.length() {
             let models = if draws.chance(0.7) { &self.trees } else { &self.bushes };
             let shape = models[draws.below(models.len())];
             let model = Model { look: models[draws.below(models.len())].look, ..shape };
-            let out_m = f64::from(draws.between(0.8, 1.8));
+            let out_m = f64::from(draws.between(near_m, far_m));
             let turn_rad = f64::from(draws.between(0.0, 6.0));
             let pose = row.pose(s_m, out_m);
             self.try_add(&model, Pose2::new(pose.x_m, pose.y_m, turn_rad), [0.8, 0.8]);
-            s_m += f64::from(draws.between(9.0, 19.0));
+            s_m += f64::from(draws.between(12.0, 28.0));
         }
     }
 
@@ -207,10 +209,18 @@ impl Rows<'_, '_> {
             let pose = row.pose((s_m + 0.5 * length_m).min(row.lane.line.length()), out_m);
             // The front is to the right of its direction.
             let pose = Pose2::new(pose.x_m, pose.y_m, pose.heading_rad + QUARTER);
-            self.try_add(&model, pose, [length_m, depth_m]);
+            self.try_add(&model, pose, [length_m, depth_m].map(|m| m + 2.0 * BALCONY_M));
             s_m += length_m + f64::from(draws.between(1.0, 7.0));
         }
     }
+}
+
+/// False for roads with a high speed limit or a hard shoulder.
+fn is_in_town(ground: &MapGround<'_>, lane: &Lane) -> bool {
+    let is_slow = lane.speed_limit_mps.is_none_or(|limit_mps| limit_mps <= TOWN_MPS);
+    let is_soft = |lane: &Lane| lane.kind != LaneKind::Shoulder || lane.width_m(0.0) <= HARD_SHOULDER_M;
+    let beside = |side| outwards(ground.map, lane, side).all(|(other, _)| is_soft(other));
+    is_slow && is_soft(lane) && beside(Side::Left) && beside(Side::Right)
 }
 
 /// Points of a rectangle's edges, at most 2 m apart, and its middle.

@@ -57,13 +57,19 @@ pub(super) struct Strip<'m> {
 
 impl<'m> Strip<'m> {
     pub(super) fn new(lane: &'m Lane) -> Self {
-        let places = lane.line.points().windows(2).scan(0.0, |s_m, two| {
+        let vertices = lane.line.points().windows(2).scan(0.0, |s_m, two| {
             *s_m += two[0].distance(two[1]);
             Some(*s_m)
         });
-        let all: Vec<Station> =
-            core::iter::once(0.0).chain(places).map(|s_m| Station::new(lane, s_m)).collect();
-        Self { lane, stations: thinned(&all) }
+        let borders = [lane.borders.left(), lane.borders.right()];
+        let of_borders = borders.into_iter().flat_map(|border| border.stations()).map(|one| one.s_m);
+        let length_m = lane.line.length();
+        let inner = |s_m: &f64| 0.0 < *s_m && *s_m < length_m;
+        let mut places: Vec<f64> = vertices.chain(of_borders).filter(inner).chain([0.0, length_m]).collect();
+        places.sort_by(f64::total_cmp);
+        places.dedup();
+        let all: Vec<Station> = places.into_iter().map(|s_m| Station::new(lane, s_m)).collect();
+        Self { lane, stations: divided(lane, &thinned(&all), STEP_M) }
     }
 
     /// Cross-sections from one arc length to another, metres.
@@ -77,20 +83,25 @@ impl<'m> Strip<'m> {
 
     /// Cross-sections at most `step_m` apart.
     pub(super) fn dense(&self, step_m: f64) -> Vec<Station> {
-        let mut found = vec![self.stations[0]];
-        for two in self.stations.windows(2) {
-            let (from_m, length_m) = (two[0].s_m, two[1].s_m - two[0].s_m);
-            let steps = (length_m / step_m).ceil().max(1.0) as usize;
-            let inner = (1..steps).map(|k| from_m + length_m * (k as f64 / steps as f64));
-            found.extend(inner.map(|s_m| Station::new(self.lane, s_m)));
-            found.push(two[1]);
-        }
-        found
+        divided(self.lane, &self.stations, step_m)
     }
 
     pub(super) fn point(&self, s_m: f64, d_m: f64) -> Point2 {
         self.lane.line.to_map(FrenetPoint { s_m, d_m })
     }
+}
+
+/// Stations, and others between them so that they are at most `step_m` apart.
+fn divided(lane: &Lane, stations: &[Station], step_m: f64) -> Vec<Station> {
+    let mut found = vec![stations[0]];
+    for two in stations.windows(2) {
+        let (from_m, length_m) = (two[0].s_m, two[1].s_m - two[0].s_m);
+        let steps = (length_m / step_m).ceil().max(1.0) as usize;
+        let inner = (1..steps).map(|k| from_m + length_m * (k as f64 / steps as f64));
+        found.extend(inner.map(|s_m| Station::new(lane, s_m)));
+        found.push(two[1]);
+    }
+    found
 }
 
 /// The first and last station, and as many between them as the borders need.
