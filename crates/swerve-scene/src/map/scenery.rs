@@ -66,7 +66,6 @@ fn house(meshes: &mut MeshLibrary, draws: &mut Draws) -> Model {
 }
 
 /// A border with nothing beyond.
-#[derive(Clone, Copy)]
 struct Row<'m> {
     lane: &'m Lane,
     side: Side,
