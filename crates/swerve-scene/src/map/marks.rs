@@ -19,6 +19,8 @@ const BROKEN_M: [f64; 2] = [3.0, 6.0];
 const DOTS_M: [f64; 2] = [0.1, 1.1];
 /// Range of widths of lines, metres; others in a map are mistakes.
 const WIDTHS_M: [f64; 2] = [0.08, 0.5];
+/// Most strokes of a line; of a wrong map, it may have any length.
+const STROKES_MAX: usize = 100_000;
 /// Distance of a line from the edge of the asphalt, metres.
 const INSIDE_M: f64 = 0.08;
 
@@ -86,10 +88,9 @@ fn material(mark: &Mark) -> Material {
 /// Calls `draw` with the ends of each stroke, metres; with the whole span without a pattern.
 fn strokes([from_m, to_m]: [f64; 2], pattern_m: Option<[f64; 2]>, mut draw: impl FnMut([f64; 2])) {
     let [stroke_m, gap_m] = pattern_m.unwrap_or([f64::INFINITY, 0.0]);
-    let mut begin_m = from_m;
-    while begin_m < to_m {
+    let begins = core::iter::successors(Some(from_m), |begin_m| Some(begin_m + stroke_m + gap_m));
+    for begin_m in begins.take_while(|begin_m| *begin_m < to_m).take(STROKES_MAX) {
         draw([begin_m, (begin_m + stroke_m).min(to_m)]);
-        begin_m += stroke_m + gap_m;
     }
 }
 

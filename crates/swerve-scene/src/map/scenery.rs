@@ -9,7 +9,7 @@ use super::ground::MapGround;
 use super::roadside::signs;
 use super::side::{neighbour, outwards, sign, spans};
 use super::station::Station;
-use crate::hash::Draws;
+use crate::hash::{Draws, mix};
 use crate::library::{Kind, MeshLibrary, Model, Size};
 use crate::scene::{Instance, Light, Scene};
 
@@ -33,6 +33,8 @@ const RAIL_M: f64 = 4.0;
 const SHAPES: usize = 24;
 /// Side of a cell in which objects are compared, metres: at least their largest extent.
 const CELL_M: f64 = 32.0;
+/// Largest coordinates of an object, metres; of a wrong map, they may be anywhere.
+const REACH_MAX_M: f64 = 9e6;
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 
 /// Adds all objects to a scene.
@@ -47,12 +49,11 @@ pub(super) fn add(scene: &mut Scene, map: &Map, seed: u64) {
     rows.signs();
     for lane in map.lanes() {
         rows.rails(lane);
-    }
-    for lane in map.lanes().iter().filter(|lane| !rows.ground.is_inside(lane.id)).collect::<Vec<_>>() {
-        for (k, side) in [Side::Left, Side::Right].into_iter().enumerate() {
-            if neighbour(lane, side).is_none() {
-                let mut draws = Draws::new(seed ^ u64::from(lane.id.0) << 1 ^ k as u64, 0x40e5);
-                rows.beside(&Row { lane, side }, &mut draws);
+        let is_inside = rows.ground.is_inside(lane.id);
+        for (k, side) in (0..).zip([Side::Left, Side::Right]) {
+            if !is_inside && neighbour(lane, side).is_none() {
+                let purpose = mix(lane.id.0.wrapping_mul(2).wrapping_add(k));
+                rows.beside(&Row { lane, side }, &mut Draws::new(seed, purpose));
             }
         }
     }
@@ -65,7 +66,6 @@ fn house(meshes: &mut MeshLibrary, draws: &mut Draws) -> Model {
 }
 
 /// A border with nothing beyond.
-#[derive(Clone, Copy)]
 struct Row<'m> {
     lane: &'m Lane,
     side: Side,
@@ -87,7 +87,7 @@ struct Taken(BTreeMap<[i64; 2], Vec<Obb>>);
 
 impl Taken {
     fn cell(at: Point2) -> [i64; 2] {
-        [at.x_m, at.y_m].map(|m| (m / CELL_M).floor() as i64)
+        [at.x_m, at.y_m].map(|m| (m.clamp(-REACH_MAX_M, REACH_MAX_M) / CELL_M).floor() as i64)
     }
 
     fn is_free(&self, ground: &Obb) -> bool {
@@ -102,6 +102,7 @@ impl Taken {
     }
 }
 
+/// Objects of a scene beside the roads of a map.
 struct Rows<'s, 'm> {
     ground: MapGround<'m>,
     scene: &'s mut Scene,
@@ -116,18 +117,22 @@ impl Rows<'_, '_> {
     fn try_add(&mut self, model: &Model, pose: Pose2, [length_m, width_m]: [f64; 2]) -> bool {
         let covered = Obb::new(pose, length_m, width_m);
         let is_clear = outline(&covered).all(|point| self.ground.is_clear(point, CLEAR_M));
-        let is_free = is_clear && self.taken.is_free(&covered);
-        if is_free {
+        let is_added = is_clear && self.taken.is_free(&covered) && self.add(model, pose);
+        if is_added {
             self.taken.add(covered);
-            self.add(model, pose);
         }
-        is_free
+        is_added
     }
 
-    fn add(&mut self, model: &Model, pose: Pose2) {
-        let at = Point::new(pose.x_m, pose.y_m, self.ground.height_m(pose.point()));
-        let placed = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, pose.heading_rad);
-        self.scene.add_static(Instance::placed(model, placed));
+    /// Adds an object; false if it is too far away.
+    fn add(&mut self, model: &Model, pose: Pose2) -> bool {
+        let is_near = [pose.x_m, pose.y_m].into_iter().all(|m| m.abs() < REACH_MAX_M);
+        if is_near {
+            let at = Point::new(pose.x_m, pose.y_m, self.ground.height_m(pose.point()));
+            let placed = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, pose.heading_rad);
+            self.scene.add_static(Instance::placed(model, placed));
+        }
+        is_near
     }
 
     fn signs(&mut self) {

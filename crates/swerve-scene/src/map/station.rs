@@ -74,9 +74,10 @@ impl<'m> Strip<'m> {
 
     /// Cross-sections from one arc length to another, metres.
     pub(super) fn between(&self, [from_m, to_m]: [f64; 2]) -> Vec<Station> {
-        let within = |station: &&Station| from_m + 1e-3 < station.s_m && station.s_m < to_m - 1e-3;
+        let first = self.stations.partition_point(|station| station.s_m <= from_m + 1e-3);
+        let inner = self.stations[first..].iter().take_while(|station| station.s_m < to_m - 1e-3);
         let mut found = vec![Station::new(self.lane, from_m)];
-        found.extend(self.stations.iter().filter(within));
+        found.extend(inner);
         found.push(Station::new(self.lane, to_m));
         found
     }

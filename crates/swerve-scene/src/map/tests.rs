@@ -282,6 +282,26 @@ fn tiles_are_small_and_cover_a_long_lane() {
 }
 
 #[test]
+fn wrong_widths_and_outlines_end_without_a_surface() {
+    let wide = Lane {
+        marks: marks(&[Mark::new(0.0, MarkKind::Solid)], &[]),
+        ..lane(1, &[(0.0, 0.0), (50.0, 0.0)], 1e300)
+    };
+    let gives_way = StopLine { sign: Some(swerve_map::StopSign::Yield), ..StopLine::new(LaneId(1), 20.0) };
+    let outline = [(0.0, 0.0), (1e12, 1e12), (0.0, 1e12)].map(|(x, y)| Point2::new(x, y)).to_vec();
+    let crossing = Crossing { id: CrossingId(1), name: String::new(), outline, lanes: vec![LaneId(1)] };
+    let features = Features { stop_lines: vec![gives_way], crossings: vec![crossing], ..Features::default() };
+    let map = Map::with_features(vec![wide, lane(2, &[(0.0, 0.0), (50.0, 0.0)], 2.0)], features).unwrap();
+    let mut scene = Scene::default();
+    add_map(&mut scene, &map, 1);
+    assert!(scene.statics().instances().iter().all(|instance| {
+        let at = instance.map_from_body.origin().coords;
+        at.x.abs() < 1e4 && at.y.abs() < 1e4
+    }));
+    assert!(scene.lights.iter().flat_map(|light| light.position_m).all(|m| m.abs() < 1e4));
+}
+
+#[test]
 fn map_without_lanes_is_empty() {
     let map = Map::new(Vec::new()).unwrap();
     assert!(map_pieces(&map).is_empty() && signal_masts(&map).is_empty());

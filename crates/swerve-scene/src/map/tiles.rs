@@ -13,6 +13,9 @@ use crate::mesh::MeshBuilder;
 /// tile to tile.
 const TILE_M: f64 = 48.0;
 
+/// Largest distance of a corner from the middle of its tile, metres; of a wrong map, they may be anywhere.
+const SURFACE_MAX_M: f32 = 1e4;
+
 /// Faces with a smaller angle between them share normals, degrees.
 const CREASE_DEG: f32 = 30.0;
 
@@ -36,28 +39,33 @@ impl Tiles {
     pub(super) fn triangle(&mut self, material: Material, [a, b, c]: [Spot; 3]) {
         let is_up = (b.0 - a.0).cross(c.0 - a.0) > 0.0;
         let corners = if is_up { [a, b, c] } else { [a, c, b] };
-        let (builder, origin) = self.tile(&corners);
-        let material = builder.material(material);
-        let points = corners.map(|spot| local(spot, origin));
-        builder.triangle(material, points, points.map(|[x, y, _]| [x, y]));
+        if let Some((builder, points)) = self.placed(corners) {
+            let material = builder.material(material);
+            builder.triangle(material, points, points.map(|[x, y, _]| [x, y]));
+        }
     }
 
     /// Adds an upright face that is seen from the right of the line from one point to another.
     pub(super) fn wall(&mut self, material: Material, [from, to]: [Point2; 2], [bottom_m, top_m]: [f64; 2]) {
         let corners = [(from, bottom_m), (to, bottom_m), (to, top_m), (from, top_m)];
-        let (builder, origin) = self.tile(&corners);
-        let material = builder.material(material);
-        builder.quad(material, corners.map(|spot| local(spot, origin)));
+        if let Some((builder, points)) = self.placed(corners) {
+            let material = builder.material(material);
+            builder.quad(material, points);
+        }
     }
 
-    /// Tile that contains the middle of some corners, and its origin.
-    fn tile(&mut self, corners: &[Spot]) -> (&mut MeshBuilder, Point2) {
-        let mean = |of: fn(&Point2) -> f64| {
-            corners.iter().map(|(point, _)| of(point)).sum::<f64>() / corners.len() as f64
-        };
+    /// Tile that contains the middle of some corners, and the corners in its frame; `None` for a surface that is too
+    /// large.
+    fn placed<const N: usize>(&mut self, corners: [Spot; N]) -> Option<(&mut MeshBuilder, [[f32; 3]; N])> {
+        let mean =
+            |of: fn(&Point2) -> f64| corners.iter().map(|(point, _)| of(point)).sum::<f64>() / N as f64;
         let key = [mean(|p| p.x_m), mean(|p| p.y_m)].map(|m| (m / TILE_M).floor() as i64);
-        let builder = self.builders.entry(key).or_insert_with(|| MeshBuilder::new(CREASE_DEG));
-        (builder, origin(key))
+        let points = corners.map(|(point, height_m)| {
+            let off = point - origin(key);
+            [off.x, off.y, height_m].map(|m| m as f32)
+        });
+        let is_small = points.iter().flatten().all(|m| m.abs() < SURFACE_MAX_M);
+        is_small.then(|| (self.builders.entry(key).or_insert_with(|| MeshBuilder::new(CREASE_DEG)), points))
     }
 
     /// One mesh for each tile.
@@ -75,9 +83,4 @@ impl Tiles {
 fn origin([column, row]: [i64; 2]) -> Point2 {
     let middle = |k: i64| (k as f64 + 0.5) * TILE_M;
     Point2::new(middle(column), middle(row))
-}
-
-fn local((point, height_m): Spot, origin: Point2) -> [f32; 3] {
-    let off = point - origin;
-    [off.x as f32, off.y as f32, height_m as f32]
 }
