@@ -129,7 +129,7 @@ class Road:
     sections: list
     # Number of its junction.
     junction: int = -1
-    # What it continues and what continues it: kind, number and, for a road, its end.
+    # Predecessor and successor: kind, number and, for a road, its end.
     before: tuple | None = None
     after: tuple | None = None
     signals: list = field(default_factory=list)

@@ -95,8 +95,8 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     let actors = tables.iter().zip(&names);
     let actors = (1..).zip(actors).map(|(k, (table, name))| {
         let on_map = top.has("map");
-        let told = actor::Told { id: ActorId(k), name, names: &names, on_map, map: map.as_ref() };
-        actor::read(table, told)
+        let setting = actor::Setting { id: ActorId(k), name, names: &names, on_map, map: map.as_ref() };
+        actor::read(table, setting)
     });
     let actors = actors.collect();
     let end = end(top, &names);

@@ -15,8 +15,8 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
 ];
 
-/// What is known about an actor before it is read.
-pub(super) struct Told<'a> {
+/// Names and map that an actor is read with.
+pub(super) struct Setting<'a> {
     pub(super) id: ActorId,
     pub(super) name: &'a str,
     /// Names of all actors, to resolve references.
@@ -27,7 +27,7 @@ pub(super) struct Told<'a> {
     pub(super) map: Option<&'a Loaded>,
 }
 
-pub(super) fn read(table: &TableReader<'_>, Told { id, name, names, on_map, map }: Told<'_>) -> Actor {
+pub(super) fn read(table: &TableReader<'_>, Setting { id, name, names, on_map, map }: Setting<'_>) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
