@@ -22,6 +22,12 @@ Span = int
 ActorId = int
 
 
+class StopReason(str, Enum):
+    """Reasons to stop at a place."""
+    TRAFFIC_LIGHT = "traffic_light"
+    """A traffic light that is red, or yellow and far enough away."""
+
+
 class RoadLine(str, Enum):
     """A line from the road description."""
     RIGHT_EDGE = "right_edge"
@@ -245,6 +251,52 @@ class Polyline(Message):
 
 
 @dataclass(slots=True)
+class Borders(Message):
+    """The borders on both sides of a line."""
+    left_m: list[tuple[float, float]]
+    """Border to the left of the line: arc length and distance of its stations, metres."""
+    right_m: list[tuple[float, float]]
+    """Border to the right of the line, positive to the right."""
+
+
+@dataclass(slots=True)
+class Route(Message):
+    """Route of the ego, with the borders of the drivable ground. Its line is the centre line of its lanes.
+    The borders beside it are those of the drivable ground, neighbouring lanes included.
+    """
+    line: Polyline
+    """Centre line of its lanes."""
+    borders: Borders
+    """Borders of the drivable ground."""
+    lane: Borders | None
+    """Borders of its lanes; `None` if all of the ground is one lane."""
+    stretches: list[Stretch]
+    """Lanes in order; empty without a map."""
+
+
+@dataclass(slots=True)
+class Stretch(Message):
+    """The part of a route that is on one lane."""
+    lane: int
+    """The lane."""
+    begin_m: float
+    """Start of the stretch along the route, metres."""
+    speed_limit_mps: float | None
+    """Speed limit on it, m/s; `None` if unknown."""
+    in_junction: bool
+    """True if the lane is inside a junction."""
+
+
+@dataclass(slots=True)
+class Stop(Message):
+    """A place on a lane of a map."""
+    lane: int
+    """The lane."""
+    s_m: float
+    """Arc length along its centre line in the direction of travel, metres."""
+
+
+@dataclass(slots=True)
 class Command(Message):
     """Actuation command: steering angle and pedals."""
     steering_rad: float
@@ -266,6 +318,15 @@ class MotionCommand(Message):
     """Wanted speed of the ego origin along its heading, m/s; negative in reverse."""
     accel_mps2: float
     """Wanted acceleration along the heading, m/s²."""
+
+
+@dataclass(slots=True)
+class Closures(Message):
+    """Places on the map that are reported to be closed to traffic."""
+    stamp: Time
+    """Instant of the report."""
+    places: list[Stop]
+    """Places that no route may pass."""
 
 
 @dataclass(slots=True)
@@ -302,6 +363,45 @@ class RungTaken(Message):
     """Run time of the rung."""
     left: Span | None = None
     """Time left until the deadline at the start of the step; `None` without a deadline."""
+
+
+@dataclass(slots=True)
+class Decision(Message):
+    """Decision of the behaviour planner: the ground, speeds and stops within which the motion planner plans.
+    Arc lengths are along the line of one route, the message of the router with the sequence number `route`.
+    """
+    stamp: Time
+    """Stamp of the predictions that it is based on."""
+    route: int
+    """Sequence number of the route."""
+    corridor: Borders | None
+    """Borders of the ground to use beside the route's line; `None` for those of the route."""
+    limits: list[SpeedLimit]
+    """Speeds to keep, ordered by arc length."""
+    overtake_until_m: float | None
+    """Arc length up to which moving road users may be overtaken, metres; `None` without a limit."""
+    stops: list[StopPoint]
+    """Places to stop at, the nearest first."""
+    yields: list[ActorId]
+    """Road users to give way to, ordered by identity."""
+
+
+@dataclass(slots=True)
+class SpeedLimit(Message):
+    """A speed to keep on a part of a route, up to the next one."""
+    from_m: float
+    """Start of the part along the route, metres."""
+    speed_mps: float
+    """Speed, m/s."""
+
+
+@dataclass(slots=True)
+class StopPoint(Message):
+    """A place to stop at."""
+    s_m: float
+    """Arc length before which the front of the ego stops, metres."""
+    cause: StopReason
+    """Reason."""
 
 
 @dataclass(slots=True)
@@ -914,7 +1014,7 @@ class TrafficLight(Message):
     distance_m: float
     """Horizontal distance from the ego origin, metres."""
     stop_s_m: float | None
-    """Position of its stop line along the route, metres; `None` without a map."""
+    """Position of its stop line along the newest route, metres; `None` without a map, or for other traffic."""
     image_px: tuple[float, float, float, float]
     """Left, top, right and bottom edge of the light's head in the image, pixels."""
 
@@ -1025,11 +1125,14 @@ __all__ = [
     "Actor",
     "ActorId",
     "ActorKind",
+    "Borders",
     "CameraInfo",
+    "Closures",
     "Collision",
     "CollisionEvent",
     "CollisionEvents",
     "Command",
+    "Decision",
     "DetectedBox",
     "Detections",
     "EgoState",
@@ -1081,13 +1184,19 @@ __all__ = [
     "Refusals",
     "ResponseBudget",
     "RoadLine",
+    "Route",
     "RungTaken",
     "SensorHealth",
     "Side",
     "Sighting",
     "Signal",
     "Span",
+    "SpeedLimit",
+    "Stop",
     "StopCause",
+    "StopPoint",
+    "StopReason",
+    "Stretch",
     "Supervision",
     "Surroundings",
     "Switch",

@@ -18,6 +18,9 @@ SOURCES = [
     CRATES / "swerve-geom/src/planar.rs",
     CRATES / "swerve-geom/src/obb.rs",
     CRATES / "swerve-geom/src/polyline.rs",
+    CRATES / "swerve-map/src/border.rs",
+    CRATES / "swerve-map/src/route.rs",
+    CRATES / "swerve-map/src/router.rs",
     *sorted((CRATES / "swerve-msg/src").glob("*.rs")),
 ]
 # What is in these files or under these names is no message, or is written by hand in `_plain.py`.
@@ -32,6 +35,8 @@ SIMPLE = {
     "Span": "Span",
     "Digest": "int",
     "Pixels": "Pixels",
+    "Border": "list[tuple[float, float]]",
+    "LaneId": "int",
     **{f"{sign}{bits}": "int" for sign in "iu" for bits in ("8", "16", "32", "64", "size")},
 }
 PACKED = {"u8": "np.uint8", "u16": "np.uint16", "u32": "np.uint32", "f32": "np.float32"}
@@ -84,6 +89,7 @@ def snake(name: str) -> str:
 def read_fields(item: Item) -> None:
     doc: list[str] = []
     skipped = added = False
+    renamed = None
     for line in item.lines:
         if line.startswith("///"):
             doc.append(line[4:])
@@ -91,6 +97,8 @@ def read_fields(item: Item) -> None:
         if line.startswith("#["):
             skipped |= "serde(skip)" in line
             added |= "unless_default" in line
+            named = re.search(r'rename = "(\w+)"', line)
+            renamed = named[1] if named else renamed
             continue
         if item.kind == "struct":
             match = re.match(r"(?:pub )?(\w+): (.+),$", line)
@@ -98,8 +106,8 @@ def read_fields(item: Item) -> None:
             match = re.match(r"(\w+)(?:\((.+)\))?,$", line)
         if match is None:
             raise SystemExit(f"{item.name}: cannot read `{line}`")
-        item.fields.append((match[1], match[2], " ".join(doc), skipped, added))
-        doc, skipped, added = [], False, False
+        item.fields.append((renamed or match[1], match[2], " ".join(doc), skipped, added))
+        doc, skipped, added, renamed = [], False, False, None
 
 
 def python_type(rust: str, known: set[str]) -> str:

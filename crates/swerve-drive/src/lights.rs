@@ -3,17 +3,17 @@
 use swerve_core::{Span, Time};
 use swerve_eval::LightCourse;
 use swerve_geom::FrenetPoint;
-use swerve_msg::Signal;
-use swerve_scenario::{Scenario, TrafficLight};
+use swerve_msg::{Route, Signal};
+use swerve_scenario::{Road, TrafficLight};
 
 /// Distance of a light from its stop line along the route, metres.
 const BEHIND_LINE_M: f64 = 50.0;
 
-/// Signal phases of each light that the ego obeys, from the start until an instant.
-pub fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
-    let line = scenario.road.line();
+/// Signal phases of each light that the ego obeys on a route, from the start until an instant.
+pub fn light_courses(road: &Road, route: &Route, until: Time) -> Vec<LightCourse> {
+    let line = route.line();
     let course = |light: &TrafficLight| {
-        let stop_s_m = light.stop_s_m?;
+        let stop_s_m = road.stop_s_m(light, route)?;
         let (mut shows, mut at) = (Vec::new(), Time::ZERO);
         while at <= until {
             let (signal, since) = light.phase(at);
@@ -33,11 +33,13 @@ pub fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
         let FrenetPoint { s_m, d_m } = line.project_near(light.pose.point(), stop_s_m, BEHIND_LINE_M);
         Some(LightCourse { name: light.name.clone(), s_m, d_m, stop_s_m, shows })
     };
-    scenario.road.lights.iter().filter_map(course).collect()
+    road.lights.iter().filter_map(course).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use swerve_scenario::Scenario;
+
     use super::*;
 
     #[test]
@@ -46,7 +48,7 @@ mod tests {
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/traffic_light.toml");
         let scenario = Scenario::read(&file).unwrap();
         let until = Time::from_ms(40_000);
-        let course = &light_courses(&scenario, until)[0];
+        let course = &light_courses(&scenario.road, &scenario.road.route(), until)[0];
         assert_eq!(course.shows[..2], [(Time::ZERO, Signal::Green), (Time::from_ms(2000), Signal::Yellow)]);
         for ms in 0..=40_000 {
             let at = Time::from_ms(ms);

@@ -1,11 +1,12 @@
 //! Metrics of a run, from the engine's events.
 
-use swerve_core::Span;
+use swerve_core::{Span, Time};
 use swerve_eval::{Evaluation, Norm, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{LineTracker, Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
+use swerve_scenario::Road;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Shape;
 
@@ -47,6 +48,9 @@ pub(crate) struct Measured {
     pub(crate) evaluation: Evaluation,
     operators: Vec<String>,
     publishers: Publishers,
+    /// The road and the end of the run, for the lights along other routes.
+    road: Road,
+    until: Time,
     route: Route,
     /// Position of the ego along the route.
     place: LineTracker,
@@ -74,7 +78,7 @@ impl Measured {
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
         let actors = pipeline.scenario.names();
         let route = Some(pipeline.route.clone());
-        let lights = light_courses(&pipeline.scenario, pipeline.until);
+        let lights = light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until);
         let params = swerve_eval::Params {
             ego,
             dead_time,
@@ -88,12 +92,22 @@ impl Measured {
             evaluation: Evaluation::new(params),
             operators,
             publishers: Publishers::new(pipeline),
+            road: pipeline.scenario.road.clone(),
+            until: pipeline.until,
             route: pipeline.route.clone(),
             place: LineTracker::default(),
             shape,
             road_margin_m: f64::INFINITY,
             rungs: Rungs::default(),
         })
+    }
+
+    /// Takes a route of the router, if it is another one.
+    fn follow(&mut self, route: &Route) {
+        if self.route != *route {
+            self.evaluation.follow(route, light_courses(&self.road, route, self.until));
+            (self.route, self.place) = (route.clone(), LineTracker::default());
+        }
     }
 
     /// Smallest distance of the ego's outline from the border of the drivable ground, metres.
@@ -114,6 +128,9 @@ impl Observer for Measured {
         match event {
             Event::Publication(publication) => {
                 let Some(payload) = publication.payload else { return };
+                if let Some(route) = payload.downcast_ref::<Route>() {
+                    return self.follow(route);
+                }
                 let evaluation = &mut self.evaluation;
                 let is_of = |publisher: &Option<String>| publisher.as_deref() == Some(publication.operator);
                 if let (Some(ego), true) = (payload.downcast_ref(), is_of(&self.publishers.pose_heard)) {

@@ -28,6 +28,6 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
         lane_width_m,
         outline(&pipeline.vehicle.shape),
     );
-    story.lights = light_courses(scenario, pipeline.until);
+    story.lights = light_courses(&scenario.road, &pipeline.route, pipeline.until);
     story
 }

@@ -263,6 +263,15 @@ impl Evaluation {
         }
     }
 
+    /// Takes the newest route of the ego, with the lights along it.
+    pub fn follow(&mut self, route: &Route, lights: Vec<LightCourse>) {
+        if self.traffic.is_on(route) {
+            return;
+        }
+        self.traffic.follow(route.clone());
+        self.outcome.follow(route.clone(), lights);
+    }
+
     /// Adds the world state after one step.
     pub fn world(&mut self, world: &WorldState) {
         self.outcome.take(world);

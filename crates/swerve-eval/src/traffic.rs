@@ -87,6 +87,16 @@ impl Traffic {
         Self { ego, norm, route, next: None, last: None, s_m: None, figures }
     }
 
+    /// Returns true if this is the route of the ego already.
+    pub(crate) fn is_on(&self, route: &Route) -> bool {
+        self.route.as_ref() == Some(route)
+    }
+
+    /// Takes another route of the ego.
+    pub(crate) fn follow(&mut self, route: Route) {
+        (self.route, self.s_m) = (Some(route), None);
+    }
+
     /// Adds the world state after one step.
     pub(crate) fn take(&mut self, world: &WorldState) {
         let next = *self.next.get_or_insert(world.stamp);

@@ -1,14 +1,16 @@
 //! Borders beside a line, as functions of arc length.
 
+mod serial;
+
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2};
 
 /// A border beside a line: its distance from the line as a function of arc length.
 ///
 /// Constant, or linear between stations and constant before the first and beyond the last. Two stations at the same
-/// arc length form a step, at which the second applies. Its text form is a number, or a list of `[s_m, distance_m]`.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Text", into = "Text")]
+/// arc length form a step, at which the second applies. Its text form is a number, or a list of `[s_m, distance_m]`; its
+/// binary form is the list.
+#[derive(Clone, PartialEq, Debug)]
 pub struct Border(Form);
 
 #[derive(Clone, PartialEq, Debug)]
@@ -39,38 +41,6 @@ pub enum BorderError {
     /// A station is before its predecessor, or is the third at one arc length.
     #[error("station {0} of the border does not lie beyond the one before it")]
     Order(usize),
-}
-
-/// Text form of a border.
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum Text {
-    Constant(f64),
-    Stations(Vec<(f64, f64)>),
-}
-
-impl TryFrom<Text> for Border {
-    type Error = BorderError;
-    fn try_from(text: Text) -> Result<Self, BorderError> {
-        match text {
-            Text::Constant(distance_m) => Self::linear(&[Station { s_m: 0.0, distance_m }]),
-            Text::Stations(pairs) => {
-                let station = |&(s_m, distance_m): &(f64, f64)| Station { s_m, distance_m };
-                Self::linear(&pairs.iter().map(station).collect::<Vec<_>>())
-            }
-        }
-    }
-}
-
-impl From<Border> for Text {
-    fn from(border: Border) -> Self {
-        match border.0 {
-            Form::Constant(distance_m) => Self::Constant(distance_m),
-            Form::Linear(stations) => {
-                Self::Stations(stations.iter().map(|x| (x.s_m, x.distance_m)).collect())
-            }
-        }
-    }
 }
 
 impl Border {
@@ -244,8 +214,10 @@ fn between(stations: &[Station], s_m: f64) -> f64 {
 /// The borders on both sides of a line.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Borders {
+    /// Border to the left of the line: arc length and distance of its stations, metres.
     #[serde(rename = "left_m")]
     left: Border,
+    /// Border to the right of the line, positive to the right.
     #[serde(rename = "right_m")]
     right: Border,
 }

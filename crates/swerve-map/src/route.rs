@@ -4,11 +4,14 @@ use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, PolylineError};
 
 use crate::router::Way;
-use crate::{Border, Borders, Lane, LaneId, Map, Neighbour};
+use crate::{Border, Borders, Lane, LaneId, Map, Neighbour, Signal};
 
 mod over;
 
 pub use over::CHANGE_LENGTH_M;
+
+/// Distance before the end of a lane at which traffic stops if its signal has no stop line, metres.
+const BEFORE_END_M: f64 = 1.0;
 
 /// Route of the ego, with the borders of the drivable ground.
 ///
@@ -16,13 +19,13 @@ pub use over::CHANGE_LENGTH_M;
 /// lanes included.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Route {
+    /// Centre line of its lanes.
     line: Polyline,
-    #[serde(flatten)]
+    /// Borders of the drivable ground.
     borders: Borders,
     /// Borders of its lanes; `None` if all of the ground is one lane.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     lane: Option<Borders>,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Lanes in order; empty without a map.
     stretches: Vec<Stretch>,
 }
 
@@ -34,10 +37,8 @@ pub struct Stretch {
     /// Start of the stretch along the route, metres.
     pub begin_m: f64,
     /// Speed limit on it, m/s; `None` if unknown.
-    #[serde(default)]
     pub speed_limit_mps: Option<f64>,
     /// True if the lane is inside a junction.
-    #[serde(default)]
     pub in_junction: bool,
 }
 
@@ -115,7 +116,12 @@ impl Route {
     #[must_use]
     pub fn narrowed(&self, by_m: f64) -> Self {
         let less = Border::constant(-by_m);
-        let borders = Borders::new(self.borders.left().plus(&less), self.borders.right().plus(&less));
+        self.within(Borders::new(self.borders.left().plus(&less), self.borders.right().plus(&less)))
+    }
+
+    /// The same route with other borders of the ground.
+    #[must_use]
+    pub fn within(&self, borders: Borders) -> Self {
         Self { borders, ..self.clone() }
     }
 
@@ -161,6 +167,29 @@ impl Route {
         let here = self.stretches.partition_point(|x| x.begin_m <= s_m).max(1) - 1;
         let next = self.stretches.iter().skip(here).find(|x| x.in_junction);
         next.map_or(f64::INFINITY, |next| (next.begin_m - s_m).max(0.0))
+    }
+
+    /// Stop line of a signal on the route, metres: where a lane is crossed by one of its lines, or shortly before the end
+    /// of a lane before a junction; `None` if the signal is for other traffic. A signal for the lanes of some turns holds
+    /// only for these.
+    pub fn stop_s_m(&self, map: &Map, signal: &Signal) -> Option<f64> {
+        let obeys = |lane| signal.lanes.binary_search(&lane).is_ok();
+        let is_inside = |lane| map.is_in_junction(lane);
+        self.stretches.iter().enumerate().find_map(|(k, stretch)| {
+            let next = self.stretches.get(k + 1).map(|next| next.lane);
+            let lane = map.lane(stretch.lane).filter(|_| !is_inside(stretch.lane))?;
+            let lines = map.stop_lines_of(stretch.lane);
+            let line = lines.iter().find(|line| line.signals.binary_search(&signal.id).is_ok());
+            let is_for_turn = next.is_some_and(|next| is_inside(next) && obeys(next));
+            let is_for_any = obeys(stretch.lane) || !signal.lanes.iter().any(|lane| is_inside(*lane));
+            match line {
+                Some(line) if is_for_turn || is_for_any => Some(stretch.begin_m + line.s_m),
+                None if obeys(stretch.lane) || is_for_turn => {
+                    Some(stretch.begin_m + (lane.line.length() - BEFORE_END_M).max(0.0))
+                }
+                _ => None,
+            }
+        })
     }
 
     /// Width of the drivable ground to the left of the line at arc length `s_m`, metres (positive).

@@ -4,10 +4,13 @@
 //! the same direction; the estimate is the distance to the destination. Of equal costs, the lane with the smaller
 //! identity is taken first, so that the way is the same on every machine. Lanes too tight for a car are taken only where
 //! nothing else leads to the destination.
+//!
+//! A [`Navigator`] keeps the route of a drive, and finds another one where it is closed or the ego has left it.
 
 use core::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 
+use serde::{Deserialize, Serialize};
 use swerve_geom::{Point2, angle_between};
 
 use crate::{Lane, LaneId, LaneKind, Map};
@@ -21,7 +24,7 @@ const TIGHT_M: f64 = 2_000.0;
 const RADIUS_MIN_M: f64 = 4.5;
 
 /// A place on a lane of a map.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Stop {
     /// The lane.
     pub lane: LaneId,
@@ -135,14 +138,32 @@ struct Reached {
 struct Search<'m> {
     map: &'m Map,
     goal: Point2,
+    closed: &'m [Stop],
     reached: BTreeMap<Node, Reached>,
     open: BinaryHeap<Reverse<Open>>,
 }
 
-/// Finds the cheapest way; `None` if there is none.
-pub fn find(map: &Map, from: Stop, to: Stop) -> Option<Way> {
+/// Finds the cheapest way over all of these places in order.
+///
+/// # Errors
+/// Index of the first place that no way reaches.
+pub fn find_over(map: &Map, stops: &[Stop], closed: &[Stop]) -> Result<Way, usize> {
+    let Some(&start) = stops.first() else { return Err(0) };
+    let lanes = vec![(Step::Begin, start.lane)];
+    let mut whole = Way { lanes, length_m: 0.0, ends_m: [start.s_m; 2] };
+    for (k, two) in stops.windows(2).enumerate() {
+        let leg = find(map, two[0], two[1], closed).ok_or(k + 1)?;
+        whole.lanes.extend(&leg.lanes[1..]);
+        whole.length_m += leg.length_m;
+        whole.ends_m[1] = leg.ends_m[1];
+    }
+    Ok(whole)
+}
+
+/// Finds the cheapest way that passes none of the `closed` places; `None` if there is none.
+pub fn find(map: &Map, from: Stop, to: Stop, closed: &[Stop]) -> Option<Way> {
     let goal = map.lane(to.lane)?.line.at(to.s_m).pose.point();
-    let mut search = Search { map, goal, reached: BTreeMap::new(), open: BinaryHeap::new() };
+    let mut search = Search { map, goal, closed, reached: BTreeMap::new(), open: BinaryHeap::new() };
     search.offer((from.lane, true), 0.0, from.s_m, (None, Step::Begin));
     let mut best: Option<(f64, Node)> = None;
     while let Some(Reverse(Open { estimate_m, node })) = search.open.pop() {
@@ -152,7 +173,7 @@ pub fn find(map: &Map, from: Stop, to: Stop) -> Option<Way> {
         let Some(at) = search.reached.get_mut(&node).filter(|at| !at.closed) else { continue };
         at.closed = true;
         let at = *at;
-        if node.0 == to.lane && at.entry_m <= to.s_m {
+        if node.0 == to.lane && at.entry_m <= to.s_m && !search.is_closed(to.lane, [at.entry_m, to.s_m]) {
             let cost_m = at.cost_m + to.s_m - at.entry_m;
             if best.is_none_or(|(best_m, _)| cost_m < best_m) {
                 best = Some((cost_m, node));
@@ -182,10 +203,16 @@ fn is_tight(lane: &Lane) -> bool {
 }
 
 impl Search<'_> {
+    /// Returns true if a place of the lane between these arc lengths is closed.
+    fn is_closed(&self, lane: LaneId, [from_m, to_m]: [f64; 2]) -> bool {
+        self.closed.iter().any(|place| place.lane == lane && (from_m..=to_m).contains(&place.s_m))
+    }
+
     fn expand(&mut self, node: Node, at: Reached) {
         let Some(lane) = self.map.lane(node.0) else { return };
         let length_m = lane.line.length();
-        for &next in &lane.successors {
+        let through = if self.is_closed(node.0, [at.entry_m, length_m]) { &[][..] } else { &lane.successors };
+        for &next in through {
             self.offer((next, false), at.cost_m + length_m - at.entry_m, 0.0, (Some(node), Step::Follow));
         }
         for (beside, step) in [(lane.left, Step::ChangeLeft), (lane.right, Step::ChangeRight)] {
@@ -207,6 +234,10 @@ impl Search<'_> {
         self.open.push(Reverse(Open { estimate_m: cost_m + left_m, node }));
     }
 }
+
+mod navigator;
+
+pub use navigator::Navigator;
 
 #[cfg(test)]
 mod tests;

@@ -6,7 +6,9 @@
 
 mod actuation;
 pub mod block;
+mod closure;
 mod deadline;
+mod decision;
 mod detection;
 mod ego;
 mod event;
@@ -26,7 +28,9 @@ mod traffic_light;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
+pub use closure::Closures;
 pub use deadline::{ResponseBudget, RungTaken};
+pub use decision::{Decision, SpeedLimit, StopPoint, StopReason};
 pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{

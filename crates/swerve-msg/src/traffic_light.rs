@@ -27,7 +27,7 @@ pub struct TrafficLight {
     pub score: f64,
     /// Horizontal distance from the ego origin, metres.
     pub distance_m: f64,
-    /// Position of its stop line along the route, metres; `None` without a map.
+    /// Position of its stop line along the newest route, metres; `None` without a map, or for other traffic.
     pub stop_s_m: Option<f64>,
     /// Left, top, right and bottom edge of the light's head in the image, pixels.
     pub image_px: [f64; 4],

@@ -79,6 +79,10 @@
 //! green_s = 12.0                                      # and yellow_s and offset_s, as for lights of a road
 //! red_s = 10.0
 //!
+//! [[map.closure]]                                     # ? a place on a lane that is closed to traffic; the cause is an actor
+//! at = { road = "4", lane = -1, s_m = 90.0 }
+//! reported_s = 5.0                                    # ? 0; the stack is told at this time
+//!
 //! [ego]
 //! start = { road = "4", lane = -1, s_m = 20.0 }       # or { lane = "name", s_m = 20.0 } or { x_m = 5.0, y_m = -1.8 }
 //! via = [{ x_m = 1.7, y_m = 0.0, heading_rad = 1.57 }]       # ?
@@ -111,6 +115,6 @@ pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill,
     Subject, Trigger,
 };
-pub use road::{Course, Cycle, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
+pub use road::{Closure, Course, Cycle, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
 pub use swerve_msg::truth::Verdict;

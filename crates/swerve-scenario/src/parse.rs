@@ -145,7 +145,7 @@ fn on_map(top: &TableReader<'_>, text: Option<&Arc<str>>) -> (Road, EgoStart, Op
     table.finish();
     let lights = loaded.lights(&course.route);
     let friction = loaded.friction;
-    let on = loaded.on(course.route);
+    let on = loaded.on(course);
     let road = Road { course: Course::Map(Arc::new(on)), friction, lights };
     (road, ego, Some(loaded))
 }
@@ -196,7 +196,13 @@ fn lights(table: &TableReader<'_>, strip: &Strip) -> Vec<TrafficLight> {
         let s_m = table.number_or("s_m", stop_s_m + LIGHT_BEHIND_STOP_M, PLACE);
         let d_m = table.number_or("d_m", -(strip.right_m + LIGHT_BESIDE_ROAD_M), PLACE);
         let pose = line.as_ref().map_or(Pose2::new(0.0, 0.0, 0.0), |line| on_road(line, s_m, d_m, 0.0));
-        let light = TrafficLight { name: name.clone(), pose, stop_s_m: Some(stop_s_m), cycle: cycle(table) };
+        let light = TrafficLight {
+            name: name.clone(),
+            pose,
+            stop_s_m: Some(stop_s_m),
+            signal: None,
+            cycle: cycle(table),
+        };
         table.finish();
         light
     };

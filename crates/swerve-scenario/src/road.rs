@@ -2,7 +2,8 @@ use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, math};
-use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour};
+use swerve_map::router::{Navigator, Stop};
+use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour, SignalId};
 use swerve_msg::{Route, Side, Signal};
 
 use crate::RoadLines;
@@ -56,8 +57,10 @@ pub struct TrafficLight {
     pub name: String,
     /// Position of its mast, and the direction of the traffic that it is for.
     pub pose: Pose2,
-    /// Position of its stop line along the ego's route, metres; `None` if it is for other traffic.
+    /// Position of its stop line along the ego's first route, metres; `None` if it is for other traffic.
     pub stop_s_m: Option<f64>,
+    /// The signal of the map; `None` without a map.
+    pub signal: Option<SignalId>,
     /// Durations of its signals.
     pub cycle: Cycle,
 }
@@ -106,8 +109,49 @@ pub struct MapCourse {
     pub text: Arc<str>,
     /// The map.
     pub map: Arc<Map>,
-    /// Route from the start to the goal and beyond.
+    /// First route from the start to the goal and beyond.
     pub route: Route,
+    /// Start, places on the way, and goal.
+    pub stops: Vec<Stop>,
+    /// Places that are closed to traffic, and reported to be.
+    pub closures: Vec<Closure>,
+}
+
+/// A place on a lane that is closed to traffic.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Closure {
+    /// The place.
+    pub at: Stop,
+    /// Instant from which the stack is told, in seconds.
+    pub reported_s: f64,
+}
+
+/// Largest gap between lanes that is ground too, metres: where their ends are not side by side.
+const GAP_M: f64 = 0.35;
+
+impl MapCourse {
+    /// Returns true if a point is on a drivable lane, or in a gap between lanes.
+    pub fn is_ground(&self, point: Point2) -> bool {
+        let is_drivable = |lane| self.map.lane(lane).is_some_and(|lane| lane.kind.is_drivable());
+        let aside = [[0.0, 0.0], [GAP_M, 0.0], [-GAP_M, 0.0], [0.0, GAP_M], [0.0, -GAP_M]];
+        let places = aside.map(|[x_m, y_m]| Point2::new(point.x_m + x_m, point.y_m + y_m));
+        places.iter().any(|place| self.map.at(*place).any(|at| is_drivable(at.lane)))
+    }
+
+    /// Returns true if a point is on the lane of the destination, at it or beyond.
+    pub fn is_at_goal(&self, point: Point2) -> bool {
+        let Some(goal) = self.stops.last() else { return false };
+        let place = self.map.lane(goal.lane).and_then(|lane| lane.place_of(point));
+        place.is_some_and(|place| place.s_m >= goal.s_m)
+    }
+
+    /// Length of the ego's routes beyond the goal, metres, so that planners know the road ahead.
+    pub const BEYOND_GOAL_M: f64 = 200.0;
+
+    /// Keeps the route of the ego during a drive.
+    pub fn navigator(&self) -> Navigator {
+        Navigator::new(Arc::clone(&self.map), self.route.clone(), &self.stops, Self::BEYOND_GOAL_M)
+    }
 }
 
 /// Height of the pavements on both sides of the drivable ground, metres.
@@ -190,6 +234,14 @@ impl Road {
         match &self.course {
             Course::Strip(strip) => Arc::new(strip.map()),
             Course::Map(course) => Arc::clone(&course.map),
+        }
+    }
+
+    /// Stop line of a light along a route of the ego, metres; `None` if the light is for other traffic.
+    pub fn stop_s_m(&self, light: &TrafficLight, route: &Route) -> Option<f64> {
+        match (&self.course, light.signal) {
+            (Course::Map(course), Some(signal)) => route.stop_s_m(&course.map, course.map.signal(signal)?),
+            _ => light.stop_s_m,
         }
     }
 
@@ -396,6 +448,7 @@ mod tests {
             name: "light".into(),
             pose: Pose2::new(50.0, -3.0, 0.0),
             stop_s_m: Some(48.0),
+            signal: None,
             cycle: Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 7.0, offset_s: 0.0 },
         };
         let with = |cycle: Cycle| TrafficLight { cycle, ..light.clone() };

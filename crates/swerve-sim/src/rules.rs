@@ -1,10 +1,12 @@
 //! Rules of the road and of the scenario: departure from the road, and the end of the run.
 
+use std::sync::Arc;
+
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::Route;
 use swerve_msg::truth::{Actor, EndReason, WorldState};
-use swerve_scenario::{End, Scenario, Standstill};
+use swerve_scenario::{Course, End, MapCourse, Scenario, Standstill};
 
 use crate::scripted::REACH_M;
 
@@ -16,6 +18,10 @@ pub(crate) struct Rules {
     end: End,
     end_m: f64,
     s_m: f64,
+    /// The map, on which other routes lead to the destination.
+    course: Option<Arc<MapCourse>>,
+    /// True if the ego is off the ground of the first route.
+    off_route: bool,
     off_road: bool,
     first_collision: Option<Time>,
     still_since: Option<Time>,
@@ -27,6 +33,11 @@ impl Rules {
             end: scenario.end,
             end_m: scenario.ego.end_m,
             s_m: scenario.ego.s_m,
+            course: match &scenario.road.course {
+                Course::Map(course) => Some(Arc::clone(course)),
+                Course::Strip(_) => None,
+            },
+            off_route: false,
             off_road: false,
             first_collision: None,
             still_since: None,
@@ -41,7 +52,10 @@ impl Rules {
     /// True if the ego leaves the drivable area in this step, after having been on it.
     pub(crate) fn leaves_road(&mut self, route: &Route, outline: &Obb) -> bool {
         let near = |point: Point2| route.project_near(point, self.s_m, REACH_M);
-        let off_road = route.borders().margin_m(outline.corners(), near) < 0.0;
+        self.off_route = route.borders().margin_m(outline.corners(), near) < 0.0;
+        let is_ground =
+            |course: &Arc<MapCourse>| outline.corners().iter().all(|corner| course.is_ground(*corner));
+        let off_road = self.off_route && !self.course.as_ref().is_some_and(is_ground);
         let leaves = off_road && !self.off_road;
         self.off_road = off_road;
         leaves
@@ -57,7 +71,7 @@ impl Rules {
         let over = |since: Option<Time>, for_s: f64| since.is_some_and(|t| now - t >= Span::from_secs(for_s));
         if over(self.first_collision, self.end.after_collision_s) {
             Some(EndReason::Collision)
-        } else if self.s_m >= self.end_m {
+        } else if self.is_at_goal(center) {
             Some(EndReason::Goal)
         } else if stands {
             Some(EndReason::Stopped)
@@ -65,6 +79,14 @@ impl Rules {
             Some(EndReason::Timeout)
         } else {
             None
+        }
+    }
+
+    /// Returns true if the ego has reached the end of the scenario, on the first route or on another one.
+    fn is_at_goal(&self, center: Point2) -> bool {
+        match &self.course {
+            Some(course) if self.off_route => course.is_at_goal(center),
+            _ => self.s_m >= self.end_m,
         }
     }
 

@@ -139,6 +139,8 @@ struct TargetIn {
     tick: Every,
     /// State of the ego.
     ego: Latest<EgoState>,
+    /// Route to follow.
+    route: Latest<Route>,
 }
 
 impl OperatorKind for AgentKind {
@@ -173,8 +175,7 @@ impl OperatorKind for AgentKind {
             Agent::Plan(seat) => site.add(Decided(seat.clone()), timer),
             Agent::Target(seat) => {
                 let limits = site.setup().sim.vehicle.limits;
-                let route = site.surroundings().route.clone();
-                site.add(TargetPlanner { seat: seat.clone(), route, limits }, timer)
+                site.add(TargetPlanner { seat: seat.clone(), limits }, timer)
             }
         }
     }
@@ -197,7 +198,6 @@ impl<T: Payload + Clone> Operator for Decided<T> {
 /// Makes a plan from a target: along the route, across to the offset, with the speed changed to the target speed.
 struct TargetPlanner {
     seat: Seat<Target>,
-    route: Route,
     limits: Limits,
 }
 
@@ -210,8 +210,8 @@ impl TargetPlanner {
     /// Share of the limits of acceleration and braking that a change of speed uses.
     const EASE: f64 = 0.6;
 
-    fn plan(&self, ego: &EgoState, target: Target) -> Plan {
-        let line = self.route.line();
+    fn plan(&self, ego: &EgoState, route: &Route, target: Target) -> Plan {
+        let line = route.line();
         let start = line.project_pose(ego.pose);
         let accel = if target.speed_mps >= ego.speed_mps {
             Self::EASE * self.limits.accel_max_mps2
@@ -275,8 +275,8 @@ impl Operator for TargetPlanner {
 
     fn step(&mut self, _: &mut Context<'_>, input: &TargetIn, out: &mut Port<Plan>) {
         let Some(ego) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
-        if let Some(target) = self.seat.get() {
-            out.send(self.plan(ego, target));
+        if let (Some(target), Some(route)) = (self.seat.get(), input.route.get()) {
+            out.send(self.plan(ego, route, target));
         }
     }
 }

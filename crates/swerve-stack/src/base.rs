@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::LazyLock;
 
-use swerve_scenario::Road;
+use swerve_scenario::{Course, Road};
 use toml::de::DeTable;
 
 use crate::config::execution::Runtime;
@@ -28,6 +28,7 @@ static VEHICLE: Part = part!("vehicle.toml");
 static OBJECTS: Part = part!("objects.toml");
 static GATE: Part = part!("gate.toml");
 static LIGHTS: Part = part!("lights.toml");
+static CLOSURES: Part = part!("closures.toml");
 
 /// Operators of a text, in the order of the text.
 fn read(text: &str) -> Vec<(String, OperatorConfig)> {
@@ -80,23 +81,24 @@ pub(crate) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
     entries
 }
 
-/// The configuration on this road. On a road with traffic lights the simulated stack sees them and stops at red ones.
-/// An operator of kind `traffic_lights` replaces the sensor, one of kind `stop_lines` turns both off.
+/// The configuration on this road. On a road with traffic lights the simulated stack sees them, unless an operator of
+/// kind `traffic_lights` does; on a map with closed places it is told of them.
 pub(crate) fn on_road<'a>(setup: &'a Setup, road: &Road) -> Cow<'a, Setup> {
     let has = |kind: &str| setup.operator.values().any(|own| own.kind.as_deref() == Some(kind));
     let is_simulated = setup.live.is_none() && !setup.is_driven_over_ros2();
     let plans =
         setup.operator.get("planner").is_none_or(|own| own.kind.is_none() && own.enabled != Some(false));
-    let is_asked = setup.stops_at_lights() && is_simulated && plans;
-    if road.lights.is_empty() || !is_asked || has("stop_lines") {
-        return Cow::Borrowed(setup);
+    let sees_lights = !road.lights.is_empty() && setup.stops_at_lights() && !has("traffic_lights");
+    let is_told = matches!(&road.course, Course::Map(course) if !course.closures.is_empty());
+    let parts = [(&LIGHTS, sees_lights && plans), (&CLOSURES, is_told)];
+    let mut setup = Cow::Borrowed(setup);
+    for (part, _) in parts.into_iter().filter(|(_, is_there)| is_simulated && *is_there) {
+        for (name, own) in part.0.iter() {
+            let set = setup.operator.get(name).map_or_else(|| own.clone(), |set| changed(own, set));
+            setup.to_mut().operator.insert(name.clone(), set);
+        }
     }
-    let mut setup = setup.clone();
-    for (name, own) in LIGHTS.0.iter().filter(|(name, _)| name != "lights" || !has("traffic_lights")) {
-        let set = setup.operator.get(name).map_or_else(|| own.clone(), |set| changed(own, set));
-        setup.operator.insert(name.clone(), set);
-    }
-    Cow::Owned(setup)
+    setup
 }
 
 /// An operator of the pipeline with the settings of a configuration. An operator of another kind does not keep its
@@ -125,7 +127,8 @@ fn sensors(setup: &Setup) -> Vec<(String, OperatorConfig)> {
 
 /// Names of the pipeline's own operators, under any settings.
 pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
-    let parts: [&'static Part; 8] = [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE, &LIGHTS];
+    let parts: [&'static Part; 9] =
+        [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE, &LIGHTS, &CLOSURES];
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 

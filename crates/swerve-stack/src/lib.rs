@@ -8,6 +8,7 @@ pub mod agent;
 mod algorithms;
 pub mod assembly;
 mod base;
+mod behaviours;
 pub mod config;
 mod controllers;
 pub mod course;
@@ -37,6 +38,7 @@ pub mod street;
 mod trackers;
 
 pub use assembly::Assembly;
+pub use behaviours::NamedBehaviour;
 pub use config::execution::{span_of_ms, time_of_ms};
 pub use config::localization::LidarPoses;
 pub use controllers::{ControllerSetup, NamedController};

@@ -1,8 +1,10 @@
 //! Operators of Swerve: one file each, and one line each in the registry.
 
+mod behaviour;
 mod camera;
 mod camera_objects;
 mod changes;
+mod closures;
 mod commands;
 mod controller;
 mod dead_reckoning;
@@ -35,9 +37,9 @@ mod receiver;
 mod relative;
 mod report;
 mod reported_odometry;
+mod router;
 mod scan_matcher;
 mod segmentation;
-mod stop_lines;
 mod switch;
 mod tracker;
 mod traffic_lights;
@@ -85,7 +87,9 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<traffic_lights::Lights>()
         .with_kind(tracker::Trackers)
         .with_kind(predictor::Predictors)
-        .with::<stop_lines::StopLines>()
+        .with::<closures::ClosureReport>()
+        .with::<router::Router>()
+        .with_behaviour::<swerve_behaviour::FollowRoute>()
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)

@@ -33,7 +33,7 @@ pub struct Pipeline {
     pub assembly: Assembly,
     /// Scenario with the seed's variations.
     pub scenario: Scenario,
-    /// Route, with the ground that may be used.
+    /// First route, with the ground that may be used.
     pub route: Route,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
@@ -82,10 +82,10 @@ impl Pipeline {
         let scenario = drawn(setup, scenario);
         let assembly = Assembly::new(setup)?;
         let (route, vehicle) = (scenario.road.route(), setup.sim.vehicle.clone());
-        let around = Surroundings { scenario, route, vehicle };
+        let around = Surroundings { scenario, vehicle };
         let Building { graph, memory, sources, stage, last_fault, .. } =
             assemble(setup, &assembly, &around).context("building the pipeline")?;
-        let Surroundings { scenario, route, vehicle } = around;
+        let Surroundings { scenario, vehicle } = around;
         let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(setup.sim.dt_ms));
         let clock = setup.clock.source;
         Ok(Self {

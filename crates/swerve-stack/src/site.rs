@@ -10,7 +10,7 @@ use swerve_flow::{
     AnyFeedback, AnyOperator, Feedback, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
     Payload, PayloadType, PortInfo, Source, Taken, Timer, Wire,
 };
-use swerve_msg::{Route, RungTaken};
+use swerve_msg::RungTaken;
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
@@ -100,12 +100,10 @@ pub(crate) struct OnRung {
     pub(crate) run_time: Option<Span>,
 }
 
-/// Scenario, route and vehicle that the operators of a drive are built for.
+/// Scenario and vehicle that the operators of a drive are built for.
 pub struct Surroundings {
     /// Scenario with the seed's variations.
     pub scenario: Scenario,
-    /// Route, with the ground that may be used.
-    pub route: Route,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
 }
@@ -203,7 +201,7 @@ impl Site<'_> {
         Ok(feedback.into())
     }
 
-    /// Scenario, route and vehicle.
+    /// Scenario and vehicle.
     pub fn surroundings(&self) -> &Surroundings {
         self.surroundings
     }

@@ -27,7 +27,9 @@ use swerve_drive::{light_courses, logged_scenario, norm, outline, problems_error
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EndReason, Verdict, WorldState};
-use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList};
+use swerve_msg::{
+    ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, Route, TrackList,
+};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::Setup;
@@ -198,13 +200,14 @@ impl Logged {
             operators: Vec::new(),
             actors: pipeline.scenario.names(),
             route: Some(pipeline.route.clone()),
-            lights: light_courses(&pipeline.scenario, pipeline.until),
+            lights: light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until),
             norm: norm(&pipeline),
         });
         let assembly = &pipeline.assembly;
         let (gate, plans) = (assembly.publisher::<GateOutput>(), assembly.publisher::<Plan>());
         let (poses, heard) =
             (assembly.publisher::<EgoState>(), pipeline.publisher_after_faults::<EgoState>());
+        let routes = assembly.publisher::<Route>();
         let stream = assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
         let (mut known_s, mut is_known) = (Vec::new(), at_s.is_none());
@@ -217,6 +220,10 @@ impl Logged {
                 evaluation.pose_quality(&publication.decode()?);
             } else if is_of::<EgoState>(publication, heard) {
                 evaluation.pose_heard(&publication.decode()?);
+            } else if is_of::<Route>(publication, routes) {
+                let route: Route = publication.decode()?;
+                let lights = light_courses(&pipeline.scenario.road, &route, pipeline.until);
+                evaluation.follow(&route, lights);
             }
             if !is_of::<WorldState>(publication, Some(stream)) {
                 continue;

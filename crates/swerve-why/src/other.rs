@@ -64,7 +64,7 @@ impl<'a> Way<'a> {
                 states.push(publication.decode::<EgoOnly>()?.0.state);
             }
         }
-        let lights = light_courses(&pipeline.scenario, pipeline.until);
+        let lights = light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until);
         let shape = &pipeline.vehicle.shape;
         let front_m = shape.center_ahead_m() + 0.5 * shape.length_m;
         let mut place = LineTracker::default();

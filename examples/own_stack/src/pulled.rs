@@ -7,8 +7,8 @@ use swerve_localization::flat::Origin;
 use swerve_msg::{EgoState, Gnss, Route, WheelOdometry};
 use swerve_stack::{Kind, NamedLocalizer, Node, Site};
 
-/// Keys, origin of the map, route, and the newest state.
-pub struct Pulled(Table, Origin, Route, Option<EgoState>);
+/// Keys, origin of the map, and the newest state.
+pub struct Pulled(Table, Origin, Option<EgoState>);
 
 /// Its keys in `[operator.localizer]`.
 #[derive(Serialize, Deserialize, Default)]
@@ -23,6 +23,7 @@ pub struct Table {
 pub struct In {
     wheels: At<WheelOdometry>,
     fix: Latest<Gnss>,
+    route: Latest<Route>,
 }
 
 impl Kind for Pulled {
@@ -30,7 +31,7 @@ impl Kind for Pulled {
     type Table = Table;
 
     fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self(table, site.config().sensing.map_origin(), site.surroundings().route.clone(), None))
+        Ok(Self(table, site.config().sensing.map_origin(), None))
     }
 }
 
@@ -40,17 +41,18 @@ impl Operator for Pulled {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let (Some(wheels), Some(fix)) = (input.wheels.get(), input.fix.get()) else { return };
+        let Some(route) = input.route.get() else { return };
         let place = self.1.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m);
         let Some([x_m, y_m, _]) = place else { return };
         let &WheelOdometry { stamp, speed_mps, yaw_rate_radps, steering_rad, .. } = &**wheels;
-        let mut pose = Pose2::new(x_m, y_m, self.2.line().at(0.0).pose.heading_rad);
-        if let Some(before) = self.3 {
+        let mut pose = Pose2::new(x_m, y_m, route.line().at(0.0).pose.heading_rad);
+        if let Some(before) = self.2 {
             let off = pose.point() - before.pose_after((fix.stamp - before.stamp).as_secs()).point();
             pose = before.pose_after((stamp - before.stamp).as_secs());
             (pose.x_m, pose.y_m) = (pose.x_m + self.0.pull * off.x, pose.y_m + self.0.pull * off.y);
         }
         let state = EgoState { stamp, pose, speed_mps, yaw_rate_radps, steering_rad, ..EgoState::default() };
-        out.send(*self.3.insert(state));
+        out.send(*self.2.insert(state));
     }
 }
 

@@ -11,7 +11,6 @@ use super::clear_ahead::ClearAhead;
 /// Plans from how far the way is clear.
 pub struct SlowDown {
     table: Table,
-    route: Route,
     target_mps: f64,
 }
 
@@ -28,6 +27,7 @@ pub struct Table {
 pub struct In {
     clear: At<ClearAhead>,
     ego: Latest<EgoState>,
+    route: Latest<Route>,
 }
 
 impl Kind for SlowDown {
@@ -35,8 +35,7 @@ impl Kind for SlowDown {
     type Table = Table;
 
     fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
-        let around = site.surroundings();
-        Ok(Self { table, route: around.route.clone(), target_mps: around.scenario.ego.target_speed_mps })
+        Ok(Self { table, target_mps: site.surroundings().scenario.ego.target_speed_mps })
     }
 }
 
@@ -46,12 +45,13 @@ impl Operator for SlowDown {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Plan>) {
         let (Some(clear), Some(ego)) = (input.clear.get(), input.ego.get()) else { return };
+        let Some(route) = input.route.get() else { return };
         let left_m = (clear.distance_m - self.table.gap_m).max(0.0);
         let speed_mps = self.target_mps.min((2.0 * 3.0 * left_m).sqrt()); // stops at 3 m/s2
-        let from_m = self.route.project(ego.pose.point()).s_m;
+        let from_m = route.project(ego.pose.point()).s_m;
         let point = |k: i64| {
             let at = ego.stamp + Span::from_ms(100) * k;
-            let place = self.route.line().at(from_m + speed_mps * 0.1 * k as f64);
+            let place = route.line().at(from_m + speed_mps * 0.1 * k as f64);
             PlanPoint { at, pose: place.pose, curvature_1pm: place.curvature_1pm, speed_mps, accel_mps2: 0.0 }
         };
         let points = (0..=30).map(point).collect();

@@ -59,7 +59,7 @@ proptest! {
             .zip(&picks)
             .map(|(lane, (_, share))| Stop { lane: lane.id, s_m: share * lane.line.length() })
             .collect();
-        let found = find(&map, stops[0], stops[1]).map(|way| way.length_m + CHANGE_M * way.changes() as f64);
+        let found = find(&map, stops[0], stops[1], &[]).map(|way| way.length_m + CHANGE_M * way.changes() as f64);
         let expected = relaxed_m(&map, stops[0], stops[1]);
         prop_assert_eq!(found.is_some(), expected.is_some());
         if let (Some(found), Some(expected)) = (found, expected) {

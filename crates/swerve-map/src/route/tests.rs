@@ -126,10 +126,12 @@ fn margin_of_a_constant_strip_is_bitwise_unchanged() {
 fn route_text_has_a_number_for_a_constant_border_and_stations_otherwise() {
     let route = Route::uniform(line(&[(0.0, 0.0), (50.0, 0.0)]), 6.0, 2.0);
     let text = serde_json::to_string(&route).unwrap();
-    assert!(text.ends_with("\"left_m\":6.0,\"right_m\":2.0}"), "{text}");
+    assert!(text.contains("\"borders\":{\"left_m\":6.0,\"right_m\":2.0}"), "{text}");
     assert_eq!(serde_json::from_str::<Route>(&text).unwrap(), route);
     let varying = Route::along(&map(), &[LaneId(1), LaneId(2)]).unwrap();
     let text = serde_json::to_string(&varying).unwrap();
     assert!(text.contains("\"right_m\":[[0.0,3.0],[100.0,3.0],[100.0,2.0],[200.0,2.0]]"), "{text}");
     assert_eq!(serde_json::from_str::<Route>(&text).unwrap(), varying);
+    let bytes = postcard::to_allocvec(&varying).unwrap();
+    assert_eq!(postcard::from_bytes::<Route>(&bytes).unwrap(), varying);
 }

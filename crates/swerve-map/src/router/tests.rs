@@ -23,7 +23,7 @@ fn map() -> Map {
 
 fn way(from: (u32, f64), to: (u32, f64)) -> Option<Way> {
     let stop = |(lane, s_m)| Stop { lane: LaneId(lane), s_m };
-    find(&map(), stop(from), stop(to))
+    find(&map(), stop(from), stop(to), &[])
 }
 
 #[test]

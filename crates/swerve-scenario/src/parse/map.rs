@@ -4,25 +4,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use swerve_geom::{Point2, Polyline, Pose2};
-use swerve_map::router::{self, Stop, Way};
+use swerve_map::router::{self, Stop};
 use swerve_map::{Map, Signal};
 use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
 
 use super::{ANGLE, PLACE, cycle};
-use crate::{Cycle, MapCourse, TrafficLight};
+use crate::{Closure, Cycle, MapCourse, TrafficLight};
 
-/// Length of the ego's route beyond its goal, metres, so that planners know the road ahead.
-const BEYOND_GOAL_M: f64 = 200.0;
 /// Length of the line of an actor beyond its start or goal, metres.
 const ACTOR_BEYOND_M: f64 = 1_000.0;
 /// Most places in a way.
 const VIA_MAX: usize = 1_000;
 /// Largest distance of a place from the driving lane that it is on, metres.
 const OFF_LANE_M: f64 = 20.0;
-/// Distance before the end of a lane at which traffic stops if its signal has no stop line, metres.
-const BEFORE_END_M: f64 = 1.0;
 
 /// A map under a scenario, while the scenario is read.
 pub(super) struct Loaded {
@@ -31,11 +27,14 @@ pub(super) struct Loaded {
     pub(super) file: MapFile,
     pub(super) friction: f64,
     lights: Vec<(Vec<String>, Cycle)>,
+    closures: Vec<Closure>,
 }
 
 /// A way over the map as a line, with the arc lengths of start and end.
 pub(super) struct Course {
     pub(super) route: Route,
+    /// Start, places on the way, and goal if there is one.
+    pub(super) stops: Vec<Stop>,
     pub(super) start_m: f64,
     pub(super) goal_m: f64,
 }
@@ -47,6 +46,7 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Lo
     let friction = table.number_or("friction", 0.9, Range::between(0.01, 4.0));
     let tables = table.tables("light", |_| None);
     let lights: Vec<_> = tables.iter().map(light).collect();
+    let closed = table.tables("closure", |_| None);
     table.finish();
     if name.is_empty() {
         return None;
@@ -59,7 +59,9 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Lo
     match file {
         Ok((file, text)) => {
             check_names(&tables, &lights, &file.map);
-            Some(Loaded { name, text, file, friction, lights })
+            let mut loaded = Loaded { name, text, file, friction, lights, closures: Vec::new() };
+            loaded.closures = closed.iter().filter_map(|table| loaded.closure(table)).collect();
+            Some(loaded)
         }
         Err(message) => {
             table.report("file", message);
@@ -116,6 +118,13 @@ impl Loaded {
         self.stop(&place)
     }
 
+    fn closure(&self, table: &TableReader<'_>) -> Option<Closure> {
+        let at = self.place(table, "at");
+        let reported_s = table.number_or("reported_s", 0.0, Range::between(0.0, 86_400.0));
+        table.finish();
+        Some(Closure { at: at?, reported_s })
+    }
+
     fn stop(&self, place: &TableReader<'_>) -> Option<Stop> {
         let guesses = place.reading().guesses();
         let stop = if place.has("x_m") || place.has("y_m") {
@@ -168,48 +177,24 @@ impl Loaded {
             stops.push(self.place(table, "goal"));
         }
         let stops = stops.into_iter().collect::<Option<Vec<Stop>>>()?;
-        let way = match self.way(&stops) {
+        let way = match router::find_over(&self.file.map, &stops, &[]) {
             Ok(way) => way,
-            Err((key, message)) => {
-                table.report(key, message);
+            Err(k) => {
+                let name = |stop: &Stop| format!("{} at {:.1} m", self.file.name(stop.lane), stop.s_m);
+                let [from, to] = [name(&stops[k - 1]), name(&stops[k])];
+                let key = if k + 1 == stops.len() { "goal" } else { "via" };
+                table.report(key, format!("no way leads over driving lanes from {from} to {to}"));
                 return None;
             }
         };
-        let beyond_m = if needs_goal { BEYOND_GOAL_M } else { ACTOR_BEYOND_M };
+        let beyond_m = if needs_goal { MapCourse::BEYOND_GOAL_M } else { ACTOR_BEYOND_M };
         match Route::over(&self.file.map, &way, beyond_m) {
-            Ok((route, [start_m, goal_m])) => Some(Course { route, start_m, goal_m }),
+            Ok((route, [start_m, goal_m])) => Some(Course { route, stops, start_m, goal_m }),
             Err(error) => {
                 table.report("start", error.to_string());
                 None
             }
         }
-    }
-
-    /// The way over all stops.
-    fn way(&self, stops: &[Stop]) -> Result<Way, (&'static str, String)> {
-        let name = |stop: &Stop| format!("{} at {:.1} m", self.file.name(stop.lane), stop.s_m);
-        let map = &self.file.map;
-        let mut whole: Option<Way> = None;
-        for two in stops.windows(2) {
-            let leg = router::find(map, two[0], two[1]).ok_or_else(|| {
-                let key = if whole.is_some() || stops.len() == 2 { "goal" } else { "via" };
-                (key, format!("no way leads over driving lanes from {} to {}", name(&two[0]), name(&two[1])))
-            })?;
-            match &mut whole {
-                None => whole = Some(leg),
-                Some(whole) => {
-                    whole.lanes.extend(&leg.lanes[1..]);
-                    whole.length_m += leg.length_m;
-                    whole.ends_m[1] = leg.ends_m[1];
-                }
-            }
-        }
-        let start = stops[0];
-        Ok(whole.unwrap_or_else(|| Way {
-            lanes: vec![(router::Step::Begin, start.lane)],
-            length_m: 0.0,
-            ends_m: [start.s_m, start.s_m],
-        }))
     }
 
     /// Traffic lights of the map that have phases. Those that the ego obeys have the stop line on its route.
@@ -230,40 +215,25 @@ impl Loaded {
                 signal.position.y_m,
                 signal.heading_rad + core::f64::consts::PI,
             ),
-            stop_s_m: stop_s_m(map, route, signal),
+            stop_s_m: route.stop_s_m(map, signal),
+            signal: Some(signal.id),
             cycle,
         };
         signals.map(light).collect()
     }
 
     /// The map under the ego's route.
-    pub(super) fn on(&self, route: Route) -> MapCourse {
+    pub(super) fn on(&self, course: Course) -> MapCourse {
         let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
-        MapCourse { file, text, map, route }
-    }
-}
-
-/// Stop line of a signal on a route: where a lane is crossed by one of its lines, or shortly before the end of a lane
-/// before a junction. A signal for the lanes of some turns holds only for these.
-fn stop_s_m(map: &Map, route: &Route, signal: &Signal) -> Option<f64> {
-    let stretches = route.stretches();
-    let obeys = |lane| signal.lanes.binary_search(&lane).is_ok();
-    let is_inside = |lane| map.is_in_junction(lane);
-    stretches.iter().enumerate().find_map(|(k, stretch)| {
-        let next = stretches.get(k + 1).map(|next| next.lane);
-        let lane = map.lane(stretch.lane).filter(|_| !is_inside(stretch.lane))?;
-        let lines = map.stop_lines_of(stretch.lane);
-        let line = lines.iter().find(|line| line.signals.binary_search(&signal.id).is_ok());
-        let is_for_turn = next.is_some_and(|next| is_inside(next) && obeys(next));
-        let is_for_any = obeys(stretch.lane) || !signal.lanes.iter().any(|lane| is_inside(*lane));
-        match line {
-            Some(line) if is_for_turn || is_for_any => Some(stretch.begin_m + line.s_m),
-            None if obeys(stretch.lane) || is_for_turn => {
-                Some(stretch.begin_m + (lane.line.length() - BEFORE_END_M).max(0.0))
-            }
-            _ => None,
+        MapCourse {
+            file,
+            text,
+            map,
+            route: course.route,
+            stops: course.stops,
+            closures: self.closures.clone(),
         }
-    })
+    }
 }
 
 /// Line of an actor's own way.

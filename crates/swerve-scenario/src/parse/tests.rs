@@ -272,7 +272,7 @@ fn traffic_light_is_read_as_written_with_defaults_beside_its_stop_line() {
     let line = Scenario::parse("full.toml", FULL).unwrap().road.line();
     let cycle = Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 20.0, offset_s: 0.0 };
     let pose = crate::model::on_road(&line, 62.0, -3.0, 0.0);
-    let want = TrafficLight { name: "a".into(), pose, stop_s_m: Some(60.0), cycle };
+    let want = TrafficLight { name: "a".into(), pose, stop_s_m: Some(60.0), signal: None, cycle };
     assert_eq!(short, core::slice::from_ref(&want));
     let full = read(
         "name = \"a\"\nstop_s_m = 60\ns_m = 61.0\nd_m = 4.0\ngreen_s = 10.0\nyellow_s = 0\nred_s = 20.0\n\

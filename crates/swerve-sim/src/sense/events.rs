@@ -7,7 +7,8 @@ use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, Side, Signal,
+    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, Route, Side,
+    Signal,
 };
 use swerve_scenario::{Road, RoadLines, TrafficLight};
 use swerve_vehicle::Shape;
@@ -103,9 +104,10 @@ fn spread(line: &Polyline, outline: &Obb, near_s_m: f64) -> [f64; 2] {
 /// Detects when the ego's front passes a stop line while its light is red.
 #[derive(Clone, Debug)]
 pub struct RedLightSensor {
+    road: Road,
     line: Polyline,
     shape: Shape,
-    /// Lights that the ego obeys, with their index in the scenario and their stop lines along the road, metres.
+    /// Lights that the ego obeys, with their index in the scenario and their stop lines along the route, metres.
     lights: Vec<(u32, TrafficLight, f64)>,
     /// For each light, true if its stop line is behind the front.
     passed: Vec<bool>,
@@ -114,13 +116,20 @@ pub struct RedLightSensor {
 }
 
 impl RedLightSensor {
-    /// Creates a sensor for a car of this outline on this road (of a checked scenario).
+    /// Creates a sensor for a car of this outline on the first route of this road (of a checked scenario).
     pub fn new(road: &Road, shape: Shape) -> Self {
-        let lights =
-            (0..).zip(&road.lights).filter_map(|(k, light)| Some((k, light.clone(), light.stop_s_m?)));
-        let lights: Vec<_> = lights.collect();
-        let passed = vec![false; lights.len()];
-        Self { line: road.line(), shape, lights, passed, last: None }
+        let (lights, passed) = (Vec::new(), Vec::new());
+        let mut sensor = Self { road: road.clone(), line: road.line(), shape, lights, passed, last: None };
+        sensor.follow(&road.route());
+        sensor
+    }
+
+    /// Takes another route of the ego.
+    pub fn follow(&mut self, route: &Route) {
+        let obeyed =
+            |(k, light): (u32, &TrafficLight)| Some((k, light.clone(), self.road.stop_s_m(light, route)?));
+        self.lights = (0..).zip(&self.road.lights).filter_map(obeyed).collect();
+        (self.line, self.last) = (route.line().clone(), None);
     }
 
     /// Red lights whose stop lines the front passed since the previous state. The signal is taken at the interpolated

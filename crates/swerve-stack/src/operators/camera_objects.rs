@@ -38,6 +38,8 @@ struct In {
     image: At<Image>,
     /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
+    /// Route of the ego: the ground on which objects are expected.
+    route: Latest<Route>,
     /// Tracks, for a rung that searches around them.
     #[port(feedback)]
     tracks: Option<Latest<TrackList>>,
@@ -166,15 +168,14 @@ impl OperatorKind for CameraObjects {
         let wrong = |found: KeyProblems| anyhow::anyhow!("operator.{}: {}", site.name(), in_one_line(&found));
         let objects = table(&site.settings()).detector(&site.setup().registry).map_err(wrong)?;
         let around = site.surroundings();
-        let (route, vehicle) = (around.route.clone(), around.vehicle.clone());
-        site.add(Detector { objects, route, vehicle }, None)
+        let vehicle = around.vehicle.clone();
+        site.add(Detector { objects, vehicle }, None)
     }
 }
 
 /// Detects the objects in an image.
 struct Detector {
     objects: Box<dyn CameraDetector>,
-    route: Route,
     vehicle: VehicleParams,
 }
 
@@ -191,7 +192,8 @@ impl Operator for Detector {
         let pitch_rad = pitch_rad(&poses[..before], &self.vehicle);
         let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
         let mut found = Detections::default();
-        let shot = Shot { image, ego, pitch_rad, route: Some(&self.route) };
+        let route = input.route.get().map(|route| &**route);
+        let shot = Shot { image, ego, pitch_rad, route };
         match self.objects.detect(&shot, tracks, &mut found) {
             Ok(()) => out.boxes.loan().send(found),
             Err(error) => cx.stop_run(format!("{}: {error}", cx.name())),

@@ -33,6 +33,8 @@ struct In {
     ego: Latest<EgoState>,
     /// Plan to follow.
     plan: Latest<Plan>,
+    /// Route to follow where there is no plan.
+    route: Latest<Route>,
     /// Local poses: ego and plan are compared in the odometry frame.
     local: Option<Window<LocalPose, LOCAL_POSES>>,
     /// Lost processes of the run.
@@ -67,7 +69,7 @@ impl OperatorKind for Controllers {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let config = site.setup();
-        let follower = PlanFollower::new(config, &site.resolved().rules, &site.surroundings().route)?;
+        let follower = PlanFollower::new(config, &site.resolved().rules)?;
         let timer = every(span_of_ms(config.control.period_ms));
         if asks_for_motion(config) {
             site.add(MotionController(follower), Some(timer))
@@ -83,7 +85,6 @@ struct PlanFollower {
     /// The original's follower, if configured.
     original: Option<Follower>,
     vehicle: VehicleParams,
-    route: Route,
     /// Newest plausible state.
     ego: Option<EgoState>,
     /// Newest plausible plan. It expires where no new one follows.
@@ -96,13 +97,12 @@ struct PlanFollower {
 }
 
 impl PlanFollower {
-    fn new(setup: &Setup, rules: &Rules, route: &Route) -> anyhow::Result<Self> {
+    fn new(setup: &Setup, rules: &Rules) -> anyhow::Result<Self> {
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("control: {}", in_one_line(&found));
         Ok(Self {
             controller: setup.built_controller().map_err(wrong)?,
             original: original(setup, rules),
             vehicle: setup.sim.vehicle.clone(),
-            route: route.clone(),
             ego: None,
             plan: None,
             local: LocalPoses::default(),
@@ -111,7 +111,7 @@ impl PlanFollower {
         })
     }
 
-    /// One step of control: the state used, and the output; `None` before the first state.
+    /// One step of control: the state used, and the output; `None` before the first state and route.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
         // Ignores implausible states and plans, and states that repeat the last one or are older: the last one is used
         // until it is too old.
@@ -144,7 +144,7 @@ impl PlanFollower {
             return Some((*ego, original.step(now, ego, plan)));
         }
         let plan = self.stop_along.as_ref().or(plan);
-        let input = Input { now, ego, plan, route: &self.route };
+        let input = Input { now, ego, plan, route: input.route.get()? };
         let output = self.controller.step(&input);
         Some((*ego, output))
     }

@@ -35,6 +35,8 @@ struct In {
     predictions: At<PredictionList>,
     /// State of the ego.
     ego: Latest<EgoState>,
+    /// Route of the ego.
+    route: Latest<Route>,
 }
 
 /// Time budget of a frame.
@@ -97,7 +99,6 @@ impl OperatorKind for DeadlinePolicy {
 struct Policy {
     params: Params,
     overhead: Overhead,
-    route: Route,
     vehicle: VehicleParams,
 }
 
@@ -116,8 +117,7 @@ impl Policy {
         let detects = first_stream::<Detections>(site.operators).is_some();
         let confirmed = if detects { resolved.tracker_hits_min.saturating_sub(1) } else { 0 };
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
-        let route = site.surroundings().route.clone();
-        Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }
+        Self { params, overhead, vehicle: config.sim.vehicle.clone() }
     }
 
     /// Deadlines before the first message.
@@ -133,10 +133,11 @@ impl Operator for Policy {
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
         let Some(predictions) = input.predictions.get() else { return };
         let Some(ego) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
+        let Some(route) = input.route.get() else { return };
         let situation = Situation {
             now: cx.now(),
             ego,
-            route: &self.route,
+            route,
             shape: &self.vehicle.shape,
             limits: &self.vehicle.limits,
             predictions: &predictions.predictions,

@@ -1,10 +1,11 @@
 //! Sensors that report the events of every step of the world, mostly none.
 
-use swerve_flow::{At, Context, Inputs, Operator, Port};
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{CollisionEvents, LaneInvasions as Invasions, RedLightEvents};
+use swerve_msg::{CollisionEvents, LaneInvasions as Invasions, RedLightEvents, Route};
 use swerve_sim::sense::{self, LaneInvasionSensor, RedLightSensor};
 
+use super::behaviour::RouteNews;
 use crate::kind::{Kind, Node};
 use crate::named::NoKeys;
 use crate::site::Site;
@@ -16,6 +17,15 @@ pub(super) struct In {
     world: At<WorldState>,
 }
 
+/// Every state of the world, and the route.
+#[derive(Inputs)]
+pub(super) struct LightsIn {
+    /// State of the world.
+    world: At<WorldState>,
+    /// Route of the ego, on which the stop lines are.
+    route: Option<Latest<Route>>,
+}
+
 /// Reports contacts of the ego as they begin.
 pub(super) struct CollisionSensor;
 
@@ -23,7 +33,7 @@ pub(super) struct CollisionSensor;
 pub(super) struct LaneInvasions(LaneInvasionSensor);
 
 /// Reports stop lines that the ego crosses while their light is red.
-pub(super) struct RedLights(RedLightSensor);
+pub(super) struct RedLights(RedLightSensor, RouteNews);
 
 impl Kind for CollisionSensor {
     const NODE: Node = Node::sensor("collision_sensor", "what the ego begins to touch").on_demand();
@@ -52,7 +62,7 @@ impl Kind for RedLights {
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
-        Ok(Self(RedLightSensor::new(&around.scenario.road, around.vehicle.shape)))
+        Ok(Self(RedLightSensor::new(&around.scenario.road, around.vehicle.shape), RouteNews::default()))
     }
 }
 
@@ -79,10 +89,13 @@ impl Operator for LaneInvasions {
 }
 
 impl Operator for RedLights {
-    type In = In;
+    type In = LightsIn;
     type Out = Port<RedLightEvents>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+    fn step(&mut self, _: &mut Context<'_>, input: &LightsIn, out: &mut Self::Out) {
+        if let Some(route) = self.1.take(input.route.as_ref()) {
+            self.0.follow(route);
+        }
         if let Some(world) = input.world.get() {
             out.send(self.0.sense(world));
         }

@@ -1,7 +1,7 @@
 //! Object detection in lidar point clouds: a kind of operator for each detector.
 
 use anyhow::Context as _;
-use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_msg::{Detections, EgoState, PointCloud, Route};
 use swerve_perception::lidar::Scan;
@@ -28,7 +28,6 @@ pub(crate) struct Objects<D> {
     detector: D,
     ego_from_lidar: Transform<Ego, Lidar>,
     own_m: [f64; 3],
-    route: Route,
 }
 
 /// A sweep, and past poses of the ego.
@@ -38,6 +37,8 @@ pub(crate) struct In {
     points: At<PointCloud>,
     /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
+    /// Route of the ego: the ground on which objects are expected.
+    route: Latest<Route>,
 }
 
 impl<D: NamedLidarDetector> Kind for Objects<D> {
@@ -62,7 +63,6 @@ impl<D: NamedLidarDetector> Kind for Objects<D> {
             detector: D::with_params(table)?,
             ego_from_lidar: lidar.ego_from_lidar(shape),
             own_m: [rear_m, rear_m + shape.length_m, 0.5 * shape.width_m],
-            route: site.surroundings().route.clone(),
         })
     }
 }
@@ -78,7 +78,7 @@ impl<D: NamedLidarDetector> Operator for Objects<D> {
         let mut ego = **measured;
         ego.pose = measured.pose_after((cloud.stamp - measured.stamp).as_secs());
         let Self { ego_from_lidar, own_m, .. } = *self;
-        let scan = Scan { cloud, ego_from_lidar, ego, own_m, route: Some(&self.route) };
+        let scan = Scan { cloud, ego_from_lidar, ego, own_m, route: input.route.get().map(|route| &**route) };
         let mut found = Detections::default();
         self.detector.detect(&scan, &mut found);
         out.loan().send(found);

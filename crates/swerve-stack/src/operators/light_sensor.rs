@@ -1,10 +1,11 @@
 //! Traffic light sensor: signals of the scenario's lights, limited by what the sensor can see.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
-use swerve_msg::TrafficLights;
 use swerve_msg::truth::WorldState;
+use swerve_msg::{Route, TrafficLights};
 use swerve_sim::sense::{SensorMount, SensorParams, TrafficLightSensor};
 
+use super::behaviour::RouteNews;
 use super::obstacles::sight;
 use crate::config::SensingConfig;
 use crate::config::execution::span_of_ms;
@@ -17,6 +18,7 @@ pub(super) struct LightSensor {
     sensor: TrafficLightSensor,
     mount: SensorMount,
     params: SensorParams,
+    news: RouteNews,
 }
 
 /// The newest state of the world, at each tick.
@@ -26,6 +28,8 @@ pub(super) struct In {
     tick: Every,
     /// State of the world to measure.
     world: Latest<WorldState>,
+    /// Route of the ego, on which the stop lines are.
+    route: Option<Latest<Route>>,
 }
 
 impl Kind for LightSensor {
@@ -39,7 +43,8 @@ impl Kind for LightSensor {
 
     fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
         let (mount, params) = sight(&sensing, &site.config().sim.vehicle.shape);
-        Ok(Self { sensor: TrafficLightSensor::new(&site.surroundings().scenario.road), mount, params })
+        let sensor = TrafficLightSensor::new(&site.surroundings().scenario.road);
+        Ok(Self { sensor, mount, params, news: RouteNews::default() })
     }
 
     fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
@@ -52,6 +57,9 @@ impl Operator for LightSensor {
     type Out = Port<TrafficLights>;
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(route) = self.news.take(input.route.as_ref()) {
+            self.sensor.follow(route);
+        }
         if let Some(world) = input.world.get() {
             out.send(self.sensor.sense(world, &self.mount, &self.params));
         }

@@ -11,10 +11,12 @@ use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
-use swerve_flow::{At, Context, Every, Inputs, Operator, Outputs, Port, Timer, Window, every};
+use swerve_flow::{
+    At, Context, Every, Inputs, Latest, Message, Operator, Outputs, Port, Timer, Window, every,
+};
 use swerve_geom::{Pose2, math};
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 
 mod stored_pose;
 
@@ -74,6 +76,8 @@ pub(crate) struct In {
     wheels: Window<WheelOdometry, KEPT>,
     /// Poses of the ego matched by its lidar.
     matches: Option<Window<PoseMatch, KEPT>>,
+    /// Route of the ego, on whose lane it starts.
+    route: Latest<Route>,
 }
 
 /// Pose of the ego, and its accuracy.
@@ -207,6 +211,7 @@ impl Operator for Filter {
     type Out = Out;
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        self.receiver.follow(input.route.get().map(Message::shared));
         let is_due = cx.stamp() - self.newest >= self.due_after;
         let stamp = match input.imu.get() {
             Some(imu) => {
@@ -334,8 +339,10 @@ impl Filter {
 
     /// Sets the heading from the lane, unknown before the first fix.
     fn start(&mut self, at_m: [f64; 3]) {
-        let Some(sigma_rad) = self.lane_heading_rad else { return };
-        self.localizer.suppose_heading([self.receiver.lane_heading_rad(at_m), sigma_rad]);
+        let lane_rad = self.receiver.lane_heading_rad(at_m);
+        if let (Some(sigma_rad), Some(lane_rad)) = (self.lane_heading_rad, lane_rad) {
+            self.localizer.suppose_heading([lane_rad, sigma_rad]);
+        }
     }
 
     fn state(&self, estimate: &Estimate) -> EgoState {

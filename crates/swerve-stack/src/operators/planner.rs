@@ -8,14 +8,16 @@ use swerve_flow::{
     At, Context, Inputs, Latest, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
-use swerve_geom::LineTracker;
-use swerve_msg::{EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route};
+use swerve_msg::{
+    ActorId, Decision, EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route,
+};
 use swerve_planning::brake::brake;
 use swerve_planning::collision::plan_within_risk;
-use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, predicted_start};
+use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, predicted_start, stop_wall};
 use swerve_text::{KeyProblem, in_one_line};
 use swerve_vehicle::{Limits, Shape};
 
+use super::behaviour::OnRoute;
 use super::changes::Changes;
 use super::odom::{LocalPoses, carried};
 use super::pose_trust::{Here, PoseTrust, Stop};
@@ -34,6 +36,10 @@ pub(super) struct Planners;
 struct In {
     /// Predictions of the other road users.
     predictions: At<PredictionList>,
+    /// Ground, speeds and stops to plan within.
+    decision: At<Decision>,
+    /// Newest routes, among them that of the decision.
+    routes: Window<Route, ROUTES>,
     /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
     /// Accuracy of the pose.
@@ -95,6 +101,11 @@ impl OperatorKind for Planners {
     }
 }
 
+/// Routes kept to find that of a decision: a route is in force for much longer than a decision takes.
+const ROUTES: usize = 2;
+/// Identities of places to stop at count down from this: tracks count up.
+const LAST_STOP_ID: u32 = u32::MAX;
+
 /// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 64;
 
@@ -106,8 +117,6 @@ const AHEAD_S: f64 = 1.0;
 /// Requests a plan from a motion planner for each frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
-    route: Route,
-    target_speed_mps: f64,
     has_comfort: bool,
     shape: Shape,
     limits: Limits,
@@ -133,18 +142,21 @@ enum Ahead {
 struct Memory {
     trust: PoseTrust,
     predictions: Option<Arc<PredictionList>>,
+    decision: Option<Arc<Decision>>,
     previous: Option<Arc<Plan>>,
     local: LocalPoses,
     /// Local pose at the previous plan's stamp.
     previous_local: Option<LocalPose>,
     /// Position of the ego along the route.
-    place: LineTracker,
+    place: OnRoute,
+    /// Route with the ground of a decision.
+    corridor: Option<(Arc<Decision>, Arc<Route>)>,
     changes: Changes,
 }
 
 impl PlannerOperator {
     fn new(site: &Site<'_>) -> anyhow::Result<Self> {
-        let (config, around) = (site.setup(), site.surroundings());
+        let config = site.setup();
         let (vehicle, planning) = (&config.sim.vehicle, &config.planning);
         let is_timed = site.schedule().period.is_some();
         let of_ms = |ms: f64| Span::from_secs(ms * 1e-3);
@@ -154,16 +166,16 @@ impl PlannerOperator {
         let memory = Memory {
             trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             predictions: None,
+            decision: None,
             previous: None,
             local: LocalPoses::default(),
             previous_local: None,
-            place: LineTracker::default(),
+            place: OnRoute::default(),
+            corridor: None,
             changes: Changes::default(),
         };
         Ok(Self {
             planner: planning.planner(&config.registry).map_err(|found| wrong(&found))?,
-            route: around.route.clone(),
-            target_speed_mps: around.scenario.ego.target_speed_mps,
             has_comfort: planning.has_comfort(&config.registry),
             shape: vehicle.shape,
             limits: vehicle.limits,
@@ -174,8 +186,26 @@ impl PlannerOperator {
         })
     }
 
-    /// Plans from predictions and a measured state.
-    fn plan(&mut self, cx: &mut Context<'_>, predictions: &PredictionList, measured: &EgoState) -> Arc<Plan> {
+    /// Route of a decision, with the ground that it leaves; `None` if the route is not known.
+    fn ground(&mut self, decision: &Arc<Decision>, routes: &[Message<Route>]) -> Option<Arc<Route>> {
+        let route = routes.iter().rev().find(|route| route.header().seq == decision.route)?;
+        let Some(corridor) = &decision.corridor else { return Some(route.shared()) };
+        let is_known = |(known, _): &(Arc<Decision>, Arc<Route>)| Arc::ptr_eq(known, decision);
+        if !self.memory.corridor.as_ref().is_some_and(is_known) {
+            let ground = Arc::new(route.within(corridor.clone()));
+            self.memory.corridor = Some((decision.clone(), ground));
+        }
+        Some(self.memory.corridor.as_ref()?.1.clone())
+    }
+
+    /// Plans from predictions, a decision on its route, and a measured state.
+    fn plan(
+        &mut self,
+        cx: &mut Context<'_>,
+        predictions: &PredictionList,
+        (decision, route): (&Decision, &Route),
+        measured: &EgoState,
+    ) -> Arc<Plan> {
         let ahead = self.ahead.map(|ahead| match ahead {
             Ahead::OfFrame(expected) => expected,
             Ahead::OfStep(run_time) => cx.now() - measured.stamp + run_time,
@@ -191,25 +221,27 @@ impl PlannerOperator {
             None => *measured,
             Some(ahead) => predicted_start(measured, previous, ahead),
         };
-        let here = memory.place.locate(self.route.line(), measured.pose);
+        if memory.place.is_new(decision.route) {
+            memory.trust.begin_route();
+        }
+        let here = memory.place.of(decision.route).locate(route.line(), measured.pose);
         let reach_m = measured.pose.point().distance(start.pose.point()) + 1.0;
-        let place = self.route.project_near(start.pose.point(), here.s_m, reach_m);
-        let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
+        let place = route.project_near(start.pose.point(), here.s_m, reach_m);
+        let is_plausible = predictions.predictions.iter().all(Prediction::is_plausible);
+        let predictions = match is_plausible && decision.stops.is_empty() {
             true => Cow::Borrowed(&predictions.predictions),
             false => {
-                let plausible = predictions.predictions.iter().filter(|p| p.is_plausible());
-                Cow::Owned(plausible.cloned().collect())
+                let plausible = predictions.predictions.iter().filter(|p| p.is_plausible()).cloned();
+                Cow::Owned(plausible.chain(stops(decision, route)).collect())
             }
         };
-        let on_route = Here { ego: measured, place: here, route: &self.route };
+        let on_route = Here { ego: measured, place: here, route };
         let stop = memory.trust.stop(on_route);
-        let limit_mps = self.route.speed_limit_mps(place.s_m + AHEAD_S * start.speed_mps, EASE_MPS2);
-        let free_mps = self.target_speed_mps.min(limit_mps);
+        let free_mps = decision.speed_mps(place.s_m + AHEAD_S * start.speed_mps, EASE_MPS2);
         let target_speed_mps = memory.trust.target_speed_mps(free_mps, on_route, &predictions);
         let walled: Option<Vec<Prediction>> =
             stop.as_ref().map(|stop| predictions.iter().chain([&stop.wall]).cloned().collect());
-        // Nobody is overtaken in a junction or shortly before it.
-        let overtake_max_m = memory.trust.overtake_max_m(on_route).min(self.route.to_junction_m(place.s_m));
+        let overtake_max_m = memory.trust.overtake_max_m(on_route).min(decision.overtake_max_m(place.s_m));
         let ground = memory.trust.ground(on_route);
         let request = Request {
             stamp,
@@ -238,9 +270,9 @@ impl PlannerOperator {
         let mut plan_for = |request: &Request<'_>| {
             let plan = plan_once(request);
             let is_poor = plan.status.is_fallback() || (self.has_comfort && !is_comfortable(&plan));
-            if is_poor && !core::ptr::eq(ground, &self.route) {
+            if is_poor && !core::ptr::eq(ground, route) {
                 // Plans on the whole ground if the deviations leave no comfortable plan, or none at all.
-                let whole = plan_once(&Request { route: &self.route, ..*request });
+                let whole = plan_once(&Request { route, ..*request });
                 if is_comfortable(&whole) || plan.status.is_fallback() {
                     return whole;
                 }
@@ -263,11 +295,19 @@ impl PlannerOperator {
 }
 
 /// Newest state up to an instant, or the oldest one.
-fn measured_at(instant: Time, poses: &Window<EgoState, POSES>) -> Option<&EgoState> {
+pub(super) fn measured_at(instant: Time, poses: &Window<EgoState, POSES>) -> Option<&EgoState> {
     let mut poses = poses.get().iter().filter(|p| p.is_plausible());
     let first = poses.next()?;
     let before = poses.rev().find(|p| p.header().stamp <= instant);
     Some(before.unwrap_or(first))
+}
+
+/// Places of a decision to stop at, as obstacles.
+fn stops<'a>(decision: &'a Decision, route: &'a Route) -> impl Iterator<Item = Prediction> + 'a {
+    let wall = move |(k, stop): (u32, &swerve_msg::StopPoint)| {
+        stop_wall(ActorId(LAST_STOP_ID - k), stop.s_m, route, decision.stamp)
+    };
+    (0..).zip(&decision.stops).map(wall)
 }
 
 impl Operator for PlannerOperator {
@@ -280,10 +320,14 @@ impl Operator for PlannerOperator {
         self.memory.predictions = news.or(self.memory.predictions.take());
         let instant = if self.is_timed { cx.now() } else { cx.stamp() };
         let measured = measured_at(instant, &input.poses);
+        let decided = input.decision.get().map(Message::shared);
+        self.memory.decision = decided.or(self.memory.decision.take());
         let (Some(predictions), Some(measured)) = (self.memory.predictions.clone(), measured) else { return };
+        let Some(decision) = self.memory.decision.clone() else { return };
+        let Some(route) = self.ground(&decision, input.routes.get()) else { return };
         self.memory.trust.take(input.quality.as_ref());
         self.memory.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
-        out.plan.forward(self.plan(cx, &predictions, measured));
+        out.plan.forward(self.plan(cx, &predictions, (&decision, &route), measured));
     }
 }
 

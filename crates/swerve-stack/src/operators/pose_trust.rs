@@ -4,9 +4,8 @@
 use swerve_flow::Latest;
 use swerve_geom::FrenetPoint;
 use swerve_msg::{ActorId, EgoState, Plan, PlanStatus, PoseMode, PoseQuality, Prediction, Route};
+use swerve_planning::stop_wall;
 use swerve_vehicle::Shape;
-
-use super::stop_lines::wall;
 
 /// Share of the target speed with the poorest pose that suffices for the lane.
 const SLOWEST: f64 = 0.3;
@@ -273,7 +272,12 @@ impl PoseTrust {
         }
         (self.stop_s_m, self.is_postponed) = (Some(stop_s_m), false);
         let from_other_lane = here.is_over_line(place, &self.shape);
-        Some(Stop { wall: wall(WALL_ID, stop_s_m, route, ego.stamp), from_other_lane })
+        Some(Stop { wall: stop_wall(WALL_ID, stop_s_m, route, ego.stamp), from_other_lane })
+    }
+
+    /// Forgets places along the route before: another one begins.
+    pub(super) fn begin_route(&mut self) {
+        (self.stop_s_m, self.is_postponed, self.narrowed) = (None, false, None);
     }
 
     /// Lets the ego drive on for now: its stop begins anew from its next position.

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use swerve_core::Time;
 use swerve_flow::{
-    At, Context, Inputs, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
+    At, Context, Inputs, Latest, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo,
+    Window,
 };
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
@@ -37,8 +38,8 @@ struct ByTracks {
     horizon: Horizon,
     /// True if covariances are published.
     covariances: bool,
-    /// Road that vehicles are predicted along.
-    road: Option<Route>,
+    /// True if vehicles are predicted along the road.
+    follows_road: bool,
     /// Ways of those that do not follow the road, on a map.
     ways: Option<OwnWays>,
 }
@@ -48,6 +49,8 @@ struct ByTracks {
 struct In {
     /// Tracks with their past sightings.
     tracks: At<TrackList>,
+    /// Route of the ego, along which vehicles on it are predicted.
+    route: Latest<Route>,
 }
 
 /// Predicts from the simulated world's future.
@@ -108,7 +111,7 @@ impl OperatorKind for Predictors {
             let oracle = Oracle { ahead, telling, horizon, covariances, taken: 0 };
             return site.add_carrying(oracle, None, Oracle::carry);
         }
-        let road = prediction.follows_road(&config.registry).then(|| site.surroundings().route.clone());
+        let follows_road = prediction.follows_road(&config.registry);
         let wrong = |message| anyhow::anyhow!("prediction.weights: {message}");
         let weights = prediction.file_weights().map_err(wrong)?;
         let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("prediction: {}", in_one_line(&found));
@@ -117,8 +120,8 @@ impl OperatorKind for Predictors {
             Course::Map(course) => Some(Arc::clone(&course.map)),
             Course::Strip(_) => None,
         };
-        let ways = road.as_ref().and(map).map(OwnWays::new);
-        site.add(ByTracks { predictor, horizon, covariances, road, ways }, None)
+        let ways = map.filter(|_| follows_road).map(OwnWays::new);
+        site.add(ByTracks { predictor, horizon, covariances, follows_road, ways }, None)
     }
 }
 
@@ -138,9 +141,10 @@ impl Operator for ByTracks {
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
             let (predictor, horizon) = (&mut *self.predictor, &self.horizon);
-            let list = match (&mut self.ways, &self.road) {
+            let road = input.route.get().filter(|_| self.follows_road).map(|route| &**route);
+            let list = match (&mut self.ways, road) {
                 (Some(ways), Some(road)) => ways.predict(predictor, tracks, horizon, road),
-                (_, road) => predictor.predict(tracks, horizon, Ground::road(road.as_ref())),
+                (_, road) => predictor.predict(tracks, horizon, Ground::road(road)),
             };
             out.loan().send(published(list, self.covariances));
         }

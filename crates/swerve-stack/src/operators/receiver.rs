@@ -1,5 +1,7 @@
 //! Satellite receivers and the lane of the car, as localizers use them, and the new messages of a window.
 
+use std::sync::Arc;
+
 use swerve_flow::Message;
 use swerve_geom::{FrenetPoint, Point2, math};
 use swerve_localization::Sensed;
@@ -14,24 +16,29 @@ use crate::site::Site;
 /// Distance from the road, in standard deviations, from which a first fix is taken for a reflection.
 const OFF_ROAD_SIGMAS: f64 = 3.0;
 
-/// Model of a satellite receiver, and the lane of the car.
+/// Model of a satellite receiver, and the lane of the car, once the route is known.
 pub(super) struct Receiver {
     noise_m: f64,
     bias_m: f64,
     antenna_at_m: [f64; 3],
     origin: Origin,
-    route: Route,
+    route: Option<Arc<Route>>,
 }
 
 impl Receiver {
     pub(super) fn new(site: &Site<'_>) -> Self {
-        Self::of(&site.config().sensing, site.surroundings().route.clone())
+        Self::of(&site.config().sensing)
     }
 
-    pub(super) fn of(sensing: &SensingConfig, route: Route) -> Self {
+    pub(super) fn of(sensing: &SensingConfig) -> Self {
         let origin = sensing.map_origin();
         let GnssParams { noise_m, bias_m, antenna_at_m, .. } = sensing.gnss;
-        Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route }
+        Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route: None }
+    }
+
+    /// Takes the newest route.
+    pub(super) fn follow(&mut self, route: Option<Arc<Route>>) {
+        self.route = route.or(self.route.take());
     }
 
     /// Position of the antenna on the map by a fix: east, north, up, metres.
@@ -47,27 +54,30 @@ impl Receiver {
         Some(Sensed::Fix { at_m, sigma_m: [self.noise_m, self.noise_m, up_m] })
     }
 
-    /// Pose of the ego by a fix, level and along its lane.
+    /// Pose of the ego by a fix, level and along its lane; `None` without a route.
     pub(super) fn ego(&self, fix: &Gnss) -> Option<Isometry3<f64>> {
         let [east, north, up] = self.place(fix)?;
-        let heading_rad = self.lane_heading_rad([east, north, up]);
+        let heading_rad = self.lane_heading_rad([east, north, up])?;
         let (sin, cos) = math::sin_cos(heading_rad);
         let [x, y, z] = self.antenna_at_m;
         let at_m = [east - (x * cos - y * sin), north - (x * sin + y * cos), up - z];
         Some(pose_of(at_m, heading_rad))
     }
 
-    /// Heading of the lane at a position, radians.
-    pub(super) fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
-        let s_m = self.route.project(Point2::new(x_m, y_m)).s_m;
-        self.route.line().at(s_m).pose.heading_rad
+    /// Heading of the lane at a position, radians; `None` without a route.
+    pub(super) fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> Option<f64> {
+        let route = self.route.as_ref()?;
+        let s_m = route.project(Point2::new(x_m, y_m)).s_m;
+        Some(route.line().at(s_m).pose.heading_rad)
     }
 
-    /// Returns true if a position may be on the ground along the route, within the errors of fixes.
+    /// Returns true if a position may be on the ground along the route, within the errors of fixes, or no route is
+    /// known.
     pub(super) fn may_be_on_road(&self, [x_m, y_m, _]: [f64; 3]) -> bool {
-        let FrenetPoint { s_m, d_m } = self.route.project(Point2::new(x_m, y_m));
+        let Some(route) = &self.route else { return true };
+        let FrenetPoint { s_m, d_m } = route.project(Point2::new(x_m, y_m));
         let beyond_m = OFF_ROAD_SIGMAS * self.sigma_m();
-        (-self.route.right_m(s_m) - beyond_m..=self.route.left_m(s_m) + beyond_m).contains(&d_m)
+        (-route.right_m(s_m) - beyond_m..=route.left_m(s_m) + beyond_m).contains(&d_m)
     }
 
     /// Standard deviation of a fix, metres.

@@ -21,7 +21,7 @@ use swerve_localization::map_file::MapFile;
 use swerve_localization::matcher::{Guess, Matcher};
 use swerve_localization::ndt::{Isometry3, Matched, Vector3};
 use swerve_localization::odometry::Odometry;
-use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_text::{FILE_MAX, read_bytes};
 
 use super::receiver::{Receiver, new_messages, pose_of};
@@ -64,6 +64,8 @@ pub(super) struct In {
     wheels: Window<WheelOdometry, READINGS>,
     /// Satellite fixes.
     fixes: Window<Gnss, FIXES>,
+    /// Route of the ego, on whose lane it starts.
+    route: Latest<Route>,
 }
 
 /// The same, and the pose of the localizer.
@@ -77,6 +79,8 @@ pub(super) struct MatcherIn {
     wheels: Window<WheelOdometry, READINGS>,
     /// Satellite fixes.
     fixes: Window<Gnss, FIXES>,
+    /// Route of the ego, on whose lane it starts.
+    route: Latest<Route>,
     /// Past state of the ego: centre of the search for a lost lidar.
     #[port(feedback)]
     state: Latest<EgoState>,
@@ -270,6 +274,7 @@ impl Operator for ScanMatcher {
 
     fn step(&mut self, _: &mut Context<'_>, input: &MatcherIn, out: &mut Self::Out) {
         let MatcherIn { points: cloud, imu, wheels, .. } = input;
+        self.front.receiver.follow(input.route.get().map(Message::shared));
         let Some((cloud, turn)) = self.front.turn(cloud, imu.get(), wheels.get()) else { return };
         let end = cloud.stamp;
         let is_followed = !turn.is_first && self.matcher.as_ref().is_some_and(Matcher::is_found);
@@ -318,6 +323,7 @@ impl Operator for LidarOdometry {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let In { points: cloud, imu, wheels, .. } = input;
+        self.front.receiver.follow(input.route.get().map(Message::shared));
         let Some((cloud, turn)) = self.front.turn(cloud, imu.get(), wheels.get()) else { return };
         let end = cloud.stamp;
         let guess = || self.front.guess(input.fixes.get(), end);

@@ -1,8 +1,8 @@
 //! Traffic lights in a camera's images.
 
 use serde::{Deserialize, Serialize};
-use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
-use swerve_msg::{EgoState, Image, TrafficLights};
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
+use swerve_msg::{EgoState, Image, Route, TrafficLights};
 use swerve_perception::LightWatch;
 use swerve_perception::camera::Shot;
 use swerve_perception::traffic_lights::{LightPlace, Params};
@@ -10,6 +10,7 @@ use swerve_scenario::{Road, TrafficLight};
 use swerve_vehicle::VehicleParams;
 use swerve_vision::traffic_light::LightSettings;
 
+use super::behaviour::RouteNews;
 use super::camera_objects::pitch_rad;
 use crate::kind::{Heavy, Kind, Node};
 use crate::problems::KeyProblems;
@@ -21,6 +22,10 @@ const POSES: usize = 256;
 /// Detects the signals of traffic lights in each image, without neural networks.
 pub(super) struct Lights {
     watch: LightWatch,
+    params: Params,
+    /// The road, if its lights are known from the map.
+    road: Option<Road>,
+    news: RouteNews,
     vehicle: VehicleParams,
     /// The scenario's lights, if their true signals are used.
     truth: Option<Vec<TrafficLight>>,
@@ -63,6 +68,8 @@ pub(super) struct In {
     image: At<Image>,
     /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
+    /// Route of the ego, on which the stop lines are.
+    route: Option<Latest<Route>>,
 }
 
 impl Kind for Lights {
@@ -84,19 +91,24 @@ impl Kind for Lights {
     fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
         let road = &around.scenario.road;
-        let places = if table.map { places(road) } else { Vec::new() };
+        let known = table.map.then(|| road.clone());
+        let places = known.as_ref().map(|road| places(road, &road.route())).unwrap_or_default();
+        let params = table.params();
         Ok(Self {
-            watch: LightWatch::new(table.params(), places),
+            watch: LightWatch::new(params, places),
+            params,
+            road: known,
+            news: RouteNews::default(),
             vehicle: around.vehicle.clone(),
             truth: table.truth.then(|| road.lights.clone()),
         })
     }
 }
 
-/// Positions of the lights that the ego obeys, as in a map.
-fn places(road: &Road) -> Vec<LightPlace> {
+/// Positions of the lights that the ego obeys on a route, as in a map.
+fn places(road: &Road, route: &Route) -> Vec<LightPlace> {
     let place = |light: &TrafficLight| {
-        let stop_s_m = light.stop_s_m?;
+        let stop_s_m = road.stop_s_m(light, route)?;
         Some(LightPlace { name: light.name.clone(), pose: light.pose, stop_s_m })
     };
     road.lights.iter().filter_map(place).collect()
@@ -107,6 +119,9 @@ impl Operator for Lights {
     type Out = Port<TrafficLights>;
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<TrafficLights>) {
+        if let (Some(route), Some(road)) = (self.news.take(input.route.as_ref()), &self.road) {
+            self.watch = LightWatch::new(self.params, places(road, route));
+        }
         let Some(image) = input.image.get() else { return };
         let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
         let before = poses.partition_point(|pose| pose.stamp <= image.stamp);

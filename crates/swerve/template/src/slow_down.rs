@@ -9,7 +9,6 @@ use swerve_stack::{Kind, Node, Site};
 /// Follows the route and slows down where it is not clear.
 pub struct SlowDown {
     keys: Keys,
-    route: Route,
     target_mps: f64,
 }
 
@@ -40,6 +39,8 @@ pub struct In {
     obstacles: At<ObstacleList>,
     /// Ego pose and speed.
     ego: Latest<EgoState>,
+    /// Route to follow.
+    route: Latest<Route>,
 }
 
 impl Kind for SlowDown {
@@ -47,8 +48,7 @@ impl Kind for SlowDown {
     type Table = Keys;
 
     fn new(keys: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let around = site.surroundings();
-        Ok(Self { keys, route: around.route.clone(), target_mps: around.scenario.ego.target_speed_mps })
+        Ok(Self { keys, target_mps: site.surroundings().scenario.ego.target_speed_mps })
     }
 }
 
@@ -58,9 +58,10 @@ impl Operator for SlowDown {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Plan>) {
         let (Some(seen), Some(ego)) = (input.obstacles.get(), input.ego.get()) else { return };
-        let from_m = self.route.project(ego.pose.point()).s_m;
+        let Some(route) = input.route.get() else { return };
+        let from_m = route.project(ego.pose.point()).s_m;
         let ahead = seen.obstacles.iter().filter_map(|obstacle| {
-            let at = self.route.project(obstacle.pose.point());
+            let at = route.project(obstacle.pose.point());
             let half_width_m = if obstacle.velocity_mps.norm() > 0.3 {
                 self.keys.half_width_moving_m
             } else {
@@ -71,7 +72,7 @@ impl Operator for SlowDown {
         let left_m = ahead.fold(f64::INFINITY, f64::min) - self.keys.gap_m;
         let speed_mps = self.target_mps.min((2.0 * self.keys.brake_mps2 * left_m.max(0.0)).sqrt());
         let point = |k: i64| {
-            let place = self.route.line().at(from_m + speed_mps * 0.1 * k as f64);
+            let place = route.line().at(from_m + speed_mps * 0.1 * k as f64);
             PlanPoint {
                 at: ego.stamp + Span::from_ms(100) * k,
                 pose: place.pose,

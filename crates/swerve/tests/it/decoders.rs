@@ -17,9 +17,9 @@ use swerve_flow::{Decision, Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{
-    Command, Detections, EgoState, GateOutput, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan,
-    PointCloud, PredictionList, RadarScan, ResponseBudget, RungTaken, SensorHealth, Supervision, Switch,
-    TrackList, TrafficLights, VehicleReport, WheelOdometry, WireAlarm,
+    Closures, Command, Detections, EgoState, GateOutput, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan,
+    PointCloud, PredictionList, RadarScan, ResponseBudget, Route, RungTaken, SensorHealth, Supervision,
+    Switch, TrackList, TrafficLights, VehicleReport, WheelOdometry, WireAlarm,
 };
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
@@ -150,6 +150,8 @@ fn read_as_each(wire: &[u8], cbor: &[u8]) {
         ($($message:ty),* $(,)?) => { $(read_as::<$message>(wire, cbor);)* };
     }
     each!(
+        swerve_msg::Decision,
+        Closures,
         Command,
         Detections,
         EgoState,
@@ -164,6 +166,7 @@ fn read_as_each(wire: &[u8], cbor: &[u8]) {
         PredictionList,
         RadarScan,
         ResponseBudget,
+        Route,
         RungTaken,
         SensorHealth,
         Supervision,

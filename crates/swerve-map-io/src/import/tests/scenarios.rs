@@ -43,7 +43,7 @@ fn counts(map: &Map) -> [usize; 8] {
 
 fn way(network: &Network, imported: &Imported, from: &str, to: &str) -> Way {
     let [from, to] = [from, to].map(|place| stop(network, imported, place).unwrap());
-    find(&imported.map, from, to).unwrap()
+    find(&imported.map, from, to, &[]).unwrap()
 }
 
 #[test]

@@ -266,10 +266,10 @@ fn example_map_has_no_defects_and_its_lanes_meet() {
     assert!(links.all.iter().all(|link| link.height_gap_m < 1e-6), "{}", links.json(&network));
     let imported = import(&network, &links).unwrap();
     let stop = |text: &str| route::stop(&network, &imported, text).unwrap();
-    let way = swerve_map::router::find(&imported.map, stop("west:-1:10"), stop("east:-1:30")).unwrap();
+    let way = swerve_map::router::find(&imported.map, stop("west:-1:10"), stop("east:-1:30"), &[]).unwrap();
     assert_eq!((way.lanes.len(), way.changes()), (4, 0));
     // The lane for turning begins in the second lane section; the nearest one to a point on it.
-    let turn = swerve_map::router::find(&imported.map, stop("west:-1:10"), stop("497.5,180")).unwrap();
+    let turn = swerve_map::router::find(&imported.map, stop("west:-1:10"), stop("497.5,180"), &[]).unwrap();
     assert_eq!((turn.lanes.len(), turn.changes()), (4, 1));
     let without_offset = text.replace(r#"<offset x="500" y="200" z="10" hdg="0"/>"#, "");
     let network = Network::read("crossing.xodr", &without_offset).unwrap();

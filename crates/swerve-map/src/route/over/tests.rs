@@ -37,7 +37,7 @@ fn motorway() -> Map {
 
 fn over(map: &Map, from: (u32, f64), to: (u32, f64), beyond_m: f64) -> (Route, [f64; 2]) {
     let stop = |(lane, s_m)| Stop { lane: LaneId(lane), s_m };
-    Route::over(map, &find(map, stop(from), stop(to)).unwrap(), beyond_m).unwrap()
+    Route::over(map, &find(map, stop(from), stop(to), &[]).unwrap(), beyond_m).unwrap()
 }
 
 #[test]

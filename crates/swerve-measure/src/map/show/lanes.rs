@@ -49,6 +49,6 @@ pub(super) fn show(args: &ShowArgs, source: &Source, lanes: &LaneMap) -> anyhow:
 fn way(args: &ShowArgs, lanes: &LaneMap) -> anyhow::Result<Option<Way>> {
     let [from, to] = &*args.route else { return Ok(None) };
     let stop = |text: &String| route::stop_on(lanes, text).map_err(|message| anyhow!("--route: {message}"));
-    let way = router::find(&lanes.map, stop(from)?, stop(to)?);
+    let way = router::find(&lanes.map, stop(from)?, stop(to)?, &[]);
     way.map(Some).with_context(|| format!("--route: no way from {from} to {to} over driving lanes"))
 }

@@ -71,6 +71,6 @@ fn way(args: &ShowArgs, Loaded { network, imported, .. }: &Loaded) -> anyhow::Re
     let [from, to] = &*args.route else { return Ok(None) };
     let stop =
         |text: &String| route::stop(network, imported, text).map_err(|message| anyhow!("--route: {message}"));
-    let way = router::find(&imported.map, stop(from)?, stop(to)?);
+    let way = router::find(&imported.map, stop(from)?, stop(to)?, &[]);
     way.map(Some).with_context(|| format!("--route: no way from {from} to {to} over driving lanes"))
 }

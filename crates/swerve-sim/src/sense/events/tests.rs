@@ -112,6 +112,7 @@ fn light(green_s: f64, yellow_s: f64, red_s: f64) -> Road {
         name: "light".into(),
         pose: Pose2::new(52.0, -3.0, 0.0),
         stop_s_m: Some(50.0),
+        signal: None,
         cycle: Cycle { green_s, yellow_s, red_s, offset_s: 0.0 },
     };
     Road { lights: vec![light], ..road() }

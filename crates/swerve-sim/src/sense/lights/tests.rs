@@ -15,6 +15,7 @@ fn road() -> Road {
         name: "crossing".into(),
         pose: Pose2::new(60.0, -3.0, 0.0),
         stop_s_m: Some(58.0),
+        signal: None,
         cycle: Cycle { green_s: 2.0, yellow_s: 3.0, red_s: 10.0, offset_s: 0.0 },
     };
     Road { lights: vec![light], ..scenario(PERSON_BEHIND_TRUCK).road }

@@ -26,7 +26,7 @@ impl StoredPose {
         let config = site.config();
         let [place_m, heading_deg] = config.localization.stored_pose?;
         let around = site.surroundings();
-        let start = around.scenario.ego_pose(around.route.line(), &around.vehicle.shape);
+        let start = around.scenario.ego_pose(&around.scenario.road.line(), &around.vehicle.shape);
         Some(Self::drawn(start, [place_m, heading_deg.to_radians()], config.seed))
     }
 

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use swerve_core::{Rng, Span};
 use swerve_geom::{Point, Point2, Polyline, Transform, Vector};
 use swerve_msg::Route;
@@ -79,7 +81,8 @@ impl Drive {
         let mut gnss = GnssReceiver::new(sensing.gnss.clone(), "gnss", self.seed);
         let mut wheels = WheelOdometer::new(sensing.odometry, vehicle, "wheels", self.seed);
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(1.0, 0.0)]).unwrap();
-        let receiver = Receiver::of(sensing, Route::uniform(line, 1.0, 1.0));
+        let mut receiver = Receiver::of(sensing);
+        receiver.follow(Some(Arc::new(Route::uniform(line, 1.0, 1.0))));
         let mut rng = Rng::keyed(self.seed, "start", &[]);
         let mut localizer = Localizer::new(told, None).unwrap();
         let (mut at, mut lane_off_rad) = ([0.0; 2], Some(0.05 * rng.normal()));

@@ -307,7 +307,7 @@ fn speed_beside_cover_falls_with_the_deviations() {
         let _ = ahead(&mut trust, 0.1, sigma_m);
         let at = |x_m: f64| PredictedPose { at: Time::ZERO, pose: Pose2::new(x_m, 4.0, 0.0) };
         let path = vec![at(x_m), at(x_m + moves_m)];
-        let one = Prediction { kind, path, ..wall(WALL_ID, 0.0, &route(), Time::ZERO) };
+        let one = Prediction { kind, path, ..stop_wall(WALL_ID, 0.0, &route(), Time::ZERO) };
         let ego = EgoState { pose: Pose2::new(50.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
         trust.speed_share(here(&ego, &route()), &[one])
     };

@@ -1,0 +1,99 @@
+//! Decisions of the behaviour planner.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_map::Borders;
+
+use crate::ActorId;
+
+/// Decision of the behaviour planner: the ground, speeds and stops within which the motion planner plans.
+///
+/// Arc lengths are along the line of one route, the message of the router with the sequence number `route`.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Decision {
+    /// Stamp of the predictions that it is based on.
+    pub stamp: Time,
+    /// Sequence number of the route.
+    pub route: u64,
+    /// Borders of the ground to use beside the route's line; `None` for those of the route.
+    pub corridor: Option<Borders>,
+    /// Speeds to keep, ordered by arc length.
+    pub limits: Vec<SpeedLimit>,
+    /// Arc length up to which moving road users may be overtaken, metres; `None` without a limit.
+    pub overtake_until_m: Option<f64>,
+    /// Places to stop at, the nearest first.
+    pub stops: Vec<StopPoint>,
+    /// Road users to give way to, ordered by identity.
+    pub yields: Vec<ActorId>,
+}
+
+/// A speed to keep on a part of a route, up to the next one.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct SpeedLimit {
+    /// Start of the part along the route, metres.
+    pub from_m: f64,
+    /// Speed, m/s.
+    pub speed_mps: f64,
+}
+
+/// A place to stop at.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct StopPoint {
+    /// Arc length before which the front of the ego stops, metres.
+    pub s_m: f64,
+    /// Reason.
+    pub cause: StopReason,
+}
+
+/// Reasons to stop at a place.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// A traffic light that is red, or yellow and far enough away.
+    TrafficLight,
+}
+
+impl Decision {
+    /// Speed at arc length `s_m` from which the ego keeps all limits, those ahead with a deceleration of `brake_mps2`,
+    /// m/s; infinite without a limit.
+    pub fn speed_mps(&self, s_m: f64, brake_mps2: f64) -> f64 {
+        let here = self.limits.partition_point(|limit| limit.from_m <= s_m).max(1) - 1;
+        let before = |limit: &SpeedLimit| {
+            let ahead_m = (limit.from_m - s_m).max(0.0);
+            (limit.speed_mps * limit.speed_mps + 2.0 * brake_mps2 * ahead_m).sqrt()
+        };
+        self.limits.iter().skip(here).map(before).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Distance from arc length `s_m` for which moving road users may be overtaken, metres; infinite without a limit.
+    pub fn overtake_max_m(&self, s_m: f64) -> f64 {
+        self.overtake_until_m.map_or(f64::INFINITY, |until_m| (until_m - s_m).max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speed_falls_before_a_lower_limit_and_rises_at_a_higher_one() {
+        let limit = |from_m, speed_mps| SpeedLimit { from_m, speed_mps };
+        let limits = vec![limit(0.0, 20.0), limit(100.0, 10.0), limit(200.0, 15.0)];
+        let decision = Decision { limits, ..Decision::default() };
+        // From 20 to 10 m/s with 2 m/s² take (400 - 100) / 4 = 75 m.
+        for (s_m, speed_mps) in
+            [(-5.0, 20.0), (20.0, 20.0), (25.0, 20.0), (100.0, 10.0), (199.0, 10.0), (200.0, 15.0)]
+        {
+            assert_eq!(decision.speed_mps(s_m, 2.0), speed_mps, "{s_m} m");
+        }
+        assert!((decision.speed_mps(64.0, 2.0) - 244f64.sqrt()).abs() < 1e-12);
+        assert_eq!(Decision::default().speed_mps(3.0, 2.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn overtaking_ends_at_its_arc_length() {
+        let decision = Decision { overtake_until_m: Some(50.0), ..Decision::default() };
+        assert_eq!([decision.overtake_max_m(20.0), decision.overtake_max_m(60.0)], [30.0, 0.0]);
+        assert_eq!(Decision::default().overtake_max_m(20.0), f64::INFINITY);
+    }
+}
