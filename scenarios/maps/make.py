@@ -333,14 +333,30 @@ def add_yield_sign(arm):
     add_signals(arm, "yield", "341", 0.5, 0.5, kind="205", z=2.0, size=(0.9, 0.9))
 
 
-def through_crossing(a, b, radius):
-    """Road from arm to arm: an arc or a line between their centre lines. The sidewalk follows the right turns."""
-    piece = {1: arc(-QUARTER, radius), 2: Piece(2 * radius), 3: arc(QUARTER, radius)}[(b.number - a.number) % 4]
-    lanes = street() if piece.begin < 0 else street()[:1]
+def inwards(road, end):
+    """Pose at an end of a road, in the direction of the junction there."""
+    pose = road.end() if end == "end" else road.start
+    return pose if end == "end" else Pose(pose.x, pose.y, pose.heading + math.pi)
+
+
+def through(number, junction, a, b, radius, sidewalk):
+    """Road inside a junction, from an end of a road to another one: an arc or a line between their centre lines."""
+    (one, one_end), (other, other_end) = a, b
+    start = inwards(one, one_end)
+    turn = math.remainder(inwards(other, other_end).heading + math.pi - start.heading, math.tau)
+    piece = Piece(2 * radius) if abs(turn) < 0.1 else arc(math.copysign(QUARTER, turn), radius)
+    lanes = street() if sidewalk or piece.begin < 0 else street()[:1]
     lanes[0].mark = "none"
-    ends = {"before": ("road", a.number, "end"), "after": ("road", b.number, "end")}
-    number, name = 10 * a.number + b.number, f"{a.name} to {b.name}"
-    return Road(number, name, TOWN, a.end(), [piece], one_section(linked(lanes, (-1, -2), (1, 2))), 100, **ends)
+    side = {"end": 1, "start": -1}
+    before, after = [(-side[one_end] * k for k in (1, 2)), (side[other_end] * k for k in (1, 2))]
+    ends = {"before": ("road", one.number, one_end), "after": ("road", other.number, other_end)}
+    sections = one_section(linked(lanes, before, after))
+    return Road(number, f"{one.name} to {other.name}", TOWN, start, [piece], sections, junction, **ends)
+
+
+def through_crossing(a, b, radius):
+    """Road from arm to arm. The sidewalk follows the right turns."""
+    return through(10 * a.number + b.number, 100, (a, "end"), (b, "end"), radius, sidewalk=False)
 
 
 def conflict(one, other):
@@ -470,6 +486,43 @@ def two_lane_road():
     return Network("two_lane_road", [Road(1, "road", ("rural", 80), Pose(0.0, 0.0, 0.0), pieces, sections)])
 
 
+def two_ways():
+    """Two junctions of three streets each, and two ways between them: 228 m and 387 m."""
+    radius, apart = 11.0, 250.0
+    side = [Piece(60.0), arc(-QUARTER, 15.0)]
+    pieces = {
+        "west": [Piece(150.0)],
+        "direct": [Piece(apart - 2 * radius)],
+        "detour": [*side, Piece(apart - 30.0), *side[::-1]],
+        "east": [Piece(150.0)],
+    }
+    starts = [
+        Pose(-radius - 150.0, 0.0, 0.0),
+        Pose(radius, 0.0, 0.0),
+        Pose(0.0, radius, QUARTER),
+        Pose(apart + radius, 0.0, 0.0),
+    ]
+    ends = [{"after": 100}, {"before": 100, "after": 200}, {"before": 100, "after": 200}, {"before": 200}]
+    roads = []
+    for number, (name, start, at) in enumerate(zip(pieces, starts, ends), 1):
+        sections = [Section(0.0, street(), street(), "broken")]
+        links = {end: ("junction", junction) for end, junction in at.items()}
+        roads.append(Road(number, name, TOWN, start, pieces[name], sections, **links))
+    west, direct, detour, east = roads
+    inside = []
+    for junction, arms in (
+        (100, [(west, "end"), (direct, "start"), (detour, "start")]),
+        (200, [(direct, "end"), (east, "start"), (detour, "end")]),
+    ):
+        # The sidewalk along the first two, to the right of the first, has no street beside it.
+        for k, a in enumerate(arms):
+            for m, b in enumerate(arms):
+                if k != m:
+                    number = junction + 10 * (k + 1) + m + 1
+                    inside.append(through(number, junction, a, b, radius, sidewalk=(k, m) == (0, 1)))
+    return Network("two_ways", roads + inside, [Junction(100, "west"), Junction(200, "east")])
+
+
 def main():
     check = sys.argv[1:] == ["--check"]
     if sys.argv[1:] and not check:
@@ -481,6 +534,7 @@ def main():
         roundabout(),
         ramp(),
         two_lane_road(),
+        two_ways(),
     ]
     folder = Path(__file__).resolve().parent
     stale = []

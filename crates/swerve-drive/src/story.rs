@@ -1,7 +1,9 @@
 //! Story picture of a run, filled during the run.
 
+use swerve_geom::{FrenetPoint, Point2};
+use swerve_map::Lane;
 use swerve_report::story::Story;
-use swerve_scenario::Scenario;
+use swerve_scenario::{Course, Scenario};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
@@ -29,5 +31,24 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
         outline(&pipeline.vehicle.shape),
     );
     story.lights = light_courses(&scenario.road, &pipeline.route, pipeline.until);
+    if let Course::Map(course) = &scenario.road.course {
+        story.lanes =
+            course.map.lanes().iter().filter(|lane| lane.kind.is_drivable()).map(outline_of).collect();
+    }
     story
+}
+
+/// Outline of a lane: its left border, and back along the right one.
+fn outline_of(lane: &Lane) -> Vec<Point2> {
+    let side = |d_m: &dyn Fn(f64) -> f64| -> Vec<Point2> {
+        let mut s_m = 0.0;
+        let points = lane.line.points();
+        let place = |k: usize| {
+            s_m += if k > 0 { points[k - 1].distance(points[k]) } else { 0.0 };
+            lane.line.to_map(FrenetPoint { s_m, d_m: d_m(s_m) })
+        };
+        (0..points.len()).map(place).collect()
+    };
+    let right = side(&|s_m| -lane.borders.right_m(s_m));
+    side(&|s_m| lane.borders.left_m(s_m)).into_iter().chain(right.into_iter().rev()).collect()
 }

@@ -49,6 +49,13 @@ fn polyline(canvas: &mut Canvas, view: &View, points: &[Point2], style: Style) {
 fn road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let route = &story.route;
     let (a, b) = (view.beside(story, |s_m| route.left_m(s_m)), view.beside(story, |s_m| -route.right_m(s_m)));
+    for lane in &story.lanes {
+        let outline: Vec<At> = lane.iter().map(|p| view.at(*p)).collect();
+        if view.may_show(&outline) {
+            canvas.path(outline.iter().copied(), true, Style::fill(color::ROAD));
+            canvas.path(outline, true, Style::line(color::ROAD_EDGE, 0.5));
+        }
+    }
     let outline: Vec<At> = a.iter().chain(b.iter().rev()).map(|p| view.at(*p)).collect();
     canvas.path(outline, true, Style::fill(color::ROAD));
     if let Some(lane_m) = story.lane_width_m.filter(|w| *w > 0.5) {

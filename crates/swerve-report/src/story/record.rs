@@ -34,8 +34,10 @@ const CHANGE_OF_MIND_M: f64 = 0.3;
 pub struct Story {
     /// Title of the figure.
     pub title: String,
-    /// Route of the ego, with the drivable area beside it.
+    /// Newest route of the ego, with the drivable area beside it.
     pub route: Route,
+    /// Outlines of the drivable lanes of a map.
+    pub lanes: Vec<Vec<Point2>>,
     /// Width of a lane, metres; lane borders are drawn when it is known.
     pub lane_width_m: Option<f64>,
     /// The ego's outline.
@@ -103,6 +105,7 @@ impl Story {
         Self {
             title: title.into(),
             route,
+            lanes: Vec::new(),
             lane_width_m,
             outline,
             lights: Vec::new(),
@@ -228,7 +231,7 @@ impl Story {
 }
 
 impl Observer for Story {
-    /// Records world states, tracks, predictions and plans as the engine publishes them.
+    /// Records world states, tracks, predictions, plans and routes as the engine publishes them.
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -240,6 +243,8 @@ impl Observer for Story {
             self.tracked(list);
         } else if let Some(list) = payload.downcast_ref::<PredictionList>() {
             self.predicted(list);
+        } else if let Some(route) = payload.downcast_ref::<Route>() {
+            self.route.clone_from(route);
         }
     }
 }

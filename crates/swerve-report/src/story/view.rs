@@ -90,6 +90,14 @@ impl View {
         within(x, self.corner.0, self.size.0) && within(y, self.corner.1, self.size.1)
     }
 
+    /// Returns false if all places are beyond one side of the view.
+    pub(super) fn may_show(&self, places: &[At]) -> bool {
+        let [right, bottom] = [self.corner.0 + self.size.0, self.corner.1 + self.size.1];
+        let sides: [&dyn Fn(&At) -> bool; 4] =
+            [&|at| at.0 < self.corner.0, &|at| at.0 > right, &|at| at.1 < self.corner.1, &|at| at.1 > bottom];
+        !sides.iter().any(|is_beyond| places.iter().all(is_beyond))
+    }
+
     /// Nearest point within the view, at least `from_sides` from its left and right edges.
     pub(super) fn nearest(&self, (x, y): At, from_sides: f64) -> At {
         let (left, right) = (self.corner.0 + from_sides, self.corner.0 + self.size.0 - from_sides);
