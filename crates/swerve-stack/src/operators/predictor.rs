@@ -12,7 +12,7 @@ use swerve_flow::{
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::{Ground, Horizon, OwnWays, Predictor, Telling, foretold};
+use swerve_prediction::{Ground, Horizon, LaneFollowing, Predictor, Telling, foretold};
 use swerve_scenario::Course;
 use swerve_sim::{Ahead, SimParams};
 use swerve_text::{KeyProblem, in_one_line};
@@ -40,7 +40,7 @@ struct ByTracks {
     /// Road that vehicles are predicted along.
     road: Option<Route>,
     /// Ways of those that do not follow the road, on a map.
-    ways: Option<OwnWays>,
+    ways: Option<LaneFollowing>,
 }
 
 /// Tracks for a predictor.
@@ -117,7 +117,7 @@ impl OperatorKind for Predictors {
             Course::Map(course) => Some(Arc::clone(&course.map)),
             Course::Strip(_) => None,
         };
-        let ways = road.as_ref().and(map).map(OwnWays::new);
+        let ways = road.as_ref().and(map).map(LaneFollowing::new);
         site.add(ByTracks { predictor, horizon, covariances, road, ways }, None)
     }
 }
