@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_map_io::commonroad::{Centers, read};
-use swerve_prediction::lanes::LaneGraph;
 use swerve_prediction::recorded::{Protocol, commonroad_csv};
 use swerve_prediction::{Ground, Horizon, PredictorName, predict};
 
@@ -17,7 +16,7 @@ libfuzzer_sys::fuzz_target!(|text: &str| {
         Err(problems) => assert!(!problems.is_empty() && problems.iter().all(|problem| problem.line > 0)),
     }
     let Ok(roads) = read("fuzz.xml", text, Centers::Middles) else { return };
-    let lanes = Arc::new(LaneGraph::new(roads.lanes.map));
+    let lanes = Arc::new(roads.lanes.map);
     let recordings = commonroad_csv(&swerve_fuzz::recording()).expect("it is one");
     let horizon = Horizon { steps: 20, step: Span::from_ms(100) };
     for recording in recordings.values() {

@@ -1,9 +1,12 @@
 //! Borders beside a line, as functions of arc length.
 
 mod serial;
+mod stations;
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2};
+
+use stations::Stations;
 
 /// A border beside a line: its distance from the line as a function of arc length.
 ///
@@ -17,7 +20,13 @@ pub struct Border(Form);
 enum Form {
     Constant(f64),
     /// At least two stations.
-    Linear(Vec<Station>),
+    Linear(Stations),
+}
+
+impl Form {
+    fn linear(stations: Vec<Station>) -> Self {
+        Self::Linear(Stations::new(stations))
+    }
 }
 
 /// The distance of a border at one arc length.
@@ -69,7 +78,7 @@ impl Border {
         if stations.iter().all(|x| x.distance_m == first.distance_m) {
             return Ok(Self::constant(first.distance_m));
         }
-        Ok(Self(Form::Linear(stations.to_vec())))
+        Ok(Self(Form::linear(stations.to_vec())))
     }
 
     /// Distance from the line at arc length `s_m`, metres.
@@ -77,7 +86,7 @@ impl Border {
     pub fn at(&self, s_m: f64) -> f64 {
         match &self.0 {
             Form::Constant(distance_m) => *distance_m,
-            Form::Linear(stations) => between(stations, s_m),
+            Form::Linear(stations) => stations.at(s_m),
         }
     }
 
@@ -85,16 +94,16 @@ impl Border {
     pub fn stations(&self) -> &[Station] {
         match &self.0 {
             Form::Constant(_) => &[],
-            Form::Linear(stations) => stations,
+            Form::Linear(stations) => stations.as_slice(),
         }
     }
 
     /// Stations of a linear border in a range of arc lengths, metres.
-    fn stations_between(&self, [from_m, to_m]: [f64; 2]) -> &[Station] {
-        let stations = self.stations();
-        let begin = stations.partition_point(|x| x.s_m < from_m);
-        let count = stations[begin..].partition_point(|x| x.s_m <= to_m);
-        &stations[begin..begin + count]
+    fn stations_between(&self, ends_m: [f64; 2]) -> &[Station] {
+        match &self.0 {
+            Form::Constant(_) => &[],
+            Form::Linear(stations) => stations.between(ends_m),
+        }
     }
 
     /// Largest distance from the line, metres.
@@ -140,7 +149,7 @@ impl Border {
             }
             stations.push(Station { s_m, distance_m: from });
         }
-        Self(Form::Linear(stations))
+        Self(Form::linear(stations))
     }
 
     /// The border with its distances times a factor.
@@ -150,16 +159,18 @@ impl Border {
             Form::Constant(distance_m) => Self::constant(factor * distance_m),
             Form::Linear(stations) => {
                 let scaled = |x: &Station| Station { distance_m: factor * x.distance_m, ..*x };
-                Self(Form::Linear(stations.iter().map(scaled).collect()))
+                Self(Form::linear(stations.as_slice().iter().map(scaled).collect()))
             }
         }
     }
 
     /// Distance just before `s_m`.
     fn before(&self, s_m: f64) -> f64 {
-        let stations = self.stations();
-        let first = stations.partition_point(|x| x.s_m < s_m);
-        stations.get(first).filter(|x| x.s_m == s_m).map_or_else(|| self.at(s_m), |x| x.distance_m)
+        let first = match &self.0 {
+            Form::Constant(_) => None,
+            Form::Linear(stations) => stations.from(s_m),
+        };
+        first.filter(|x| x.s_m == s_m).map_or_else(|| self.at(s_m), |x| x.distance_m)
     }
 
     /// The border relative to a line on which arc length `s` of this one is at `begin_m + scale * s`. A negative
@@ -170,11 +181,11 @@ impl Border {
             Form::Constant(_) => self.clone(),
             Form::Linear(stations) => {
                 let moved = |x: &Station| Station { s_m: begin_m + scale * x.s_m, ..*x };
-                let mut moved: Vec<Station> = stations.iter().map(moved).collect();
+                let mut moved: Vec<Station> = stations.as_slice().iter().map(moved).collect();
                 if scale < 0.0 {
                     moved.reverse();
                 }
-                Self(Form::Linear(moved))
+                Self(Form::linear(moved))
             }
         }
     }
@@ -194,21 +205,11 @@ impl Border {
         }
         match stations.first() {
             Some(first) if stations.iter().any(|x| x.distance_m != first.distance_m) => {
-                Self(Form::Linear(stations))
+                Self(Form::linear(stations))
             }
             first => Self::constant(first.map_or(0.0, |x| x.distance_m)),
         }
     }
-}
-
-/// Distance at `s_m`, interpolated linearly between the stations.
-fn between(stations: &[Station], s_m: f64) -> f64 {
-    let next = stations.partition_point(|x| x.s_m <= s_m);
-    if next == 0 || next == stations.len() {
-        return stations[next.max(1) - 1].distance_m;
-    }
-    let (a, b) = (stations[next - 1], stations[next]);
-    a.distance_m + (b.distance_m - a.distance_m) * ((s_m - a.s_m) / (b.s_m - a.s_m))
 }
 
 /// The borders on both sides of a line.
@@ -283,8 +284,21 @@ impl Borders {
     /// Between borders of constant distance, the minimum is at a corner. Where a border approaches and recedes again,
     /// it can be on a side of the outline, beside a station of the border: these points are checked too.
     pub fn margin_m(&self, corners: [Point2; 4], project: impl Fn(Point2) -> FrenetPoint) -> f64 {
+        self.margin_above_m(corners, f64::NEG_INFINITY, project)
+    }
+
+    /// Returns [`margin_m`](Self::margin_m) if that is at least `needed_m`, else some value below `needed_m`.
+    fn margin_above_m(
+        &self,
+        corners: [Point2; 4],
+        needed_m: f64,
+        project: impl Fn(Point2) -> FrenetPoint,
+    ) -> f64 {
         let places = corners.map(&project);
         let mut margin_m = places.into_iter().fold(f64::INFINITY, |m, place| m.min(self.room_m(place)));
+        if margin_m < needed_m {
+            return margin_m;
+        }
         let ends = places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low_m, high_m], place| {
             [low_m.min(place.s_m), high_m.max(place.s_m)]
         });
@@ -301,8 +315,7 @@ impl Borders {
         margin_m
     }
 
-    /// Returns true if [`margin_m`](Self::margin_m) is at least `needed_m`; stops at the first corner that is too
-    /// near.
+    /// Returns true if [`margin_m`](Self::margin_m) is at least `needed_m`; stops where a corner is too near.
     pub fn keeps(
         &self,
         corners: [Point2; 4],
@@ -310,7 +323,7 @@ impl Borders {
         project: impl Fn(Point2) -> FrenetPoint,
     ) -> bool {
         if !(self.left.stations().is_empty() && self.right.stations().is_empty()) {
-            return self.margin_m(corners, project) >= needed_m;
+            return self.margin_above_m(corners, needed_m, project) >= needed_m;
         }
         corners.into_iter().all(|corner| f64::INFINITY.min(self.room_m(project(corner))) >= needed_m)
     }

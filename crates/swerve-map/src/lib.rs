@@ -9,7 +9,7 @@
 //! [`Area`]s. They refer to lanes by identity; the map checks that these exist.
 //!
 //! A [`LaneIndex`] finds the nearest lane of a large map. [`router::find`] finds the cheapest way over lanes, which
-//! [`Route::over`] makes a route.
+//! [`Route::over`] makes a route. [`Map::paths`] are the paths from a lane, for road users with an unknown destination.
 //!
 //! Positions along a line are in Frenet coordinates: `s` metres of arc length from its start, `d` metres to its left.
 //! Distances of borders are measured across the line, positive on the border's own side. A border of constant
@@ -39,7 +39,7 @@ pub use features::{Feature, FeatureError, Features};
 pub use index::{LaneHint, LaneIndex};
 pub use junction::{Junction, JunctionId, RightOfWay};
 pub use lane::{Lane, LaneId, LaneKind, Neighbour};
-pub use map::{LanePlace, Map, MapError};
+pub use map::{LanePath, LanePlace, Map, MapError};
 pub use mark::{LaneMarks, MARK_WIDTH_M, Mark, MarkColour, MarkError, MarkKind, Side};
 pub use route::{CHANGE_LENGTH_M, Route, RouteError, Stretch};
 pub use signal::{Signal, SignalId};

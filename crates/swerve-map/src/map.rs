@@ -1,16 +1,22 @@
 //! Lane maps.
 
-use swerve_geom::{FrenetPoint, Point2};
+mod path;
+
+use swerve_geom::{FrenetPoint, Point2, Polyline};
 
 use crate::features::{FeatureError, Features};
 use crate::{Area, Crossing, Junction, JunctionId, Lane, LaneId, Neighbour, Signal, SignalId, StopLine};
+
+pub use path::LanePath;
+use path::Paths;
 
 /// Largest gap between the end of a lane and the start of its successor, metres.
 const JOINT_M: f64 = 0.1;
 
 /// A consistent set of lanes, and the junctions, signals, stop lines, crossings and areas on them.
 ///
-/// Its text form is the list of lanes if there is nothing else, and a table otherwise.
+/// Its text form is the list of lanes if there is nothing else, and a table otherwise. [`paths`](Self::paths) from a
+/// lane are computed when they are first used, and kept.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Map {
     /// Ordered by identity.
@@ -24,6 +30,7 @@ pub struct Map {
     junctions_of: Vec<(LaneId, usize)>,
     /// Pairs of a lane and the index of a signal that its traffic obeys, sorted.
     signals_of: Vec<(LaneId, usize)>,
+    paths: Paths,
 }
 
 /// A lane and a position along it.
@@ -89,11 +96,15 @@ struct Bounds {
 impl Bounds {
     /// Bounds of the lane between its borders.
     fn around(lane: &Lane) -> Self {
+        Self::beside(&lane.line, lane.borders.farthest_m().max(0.0))
+    }
+
+    /// Bounds of a line and the ground up to `beside_m` beside it.
+    fn beside(line: &Polyline, beside_m: f64) -> Self {
         let ends = |f: fn(f64, f64) -> f64, first: f64| {
-            let points = lane.line.points().iter();
+            let points = line.points().iter();
             points.fold((first, first), |(x, y), p| (f(x, p.x_m), f(y, p.y_m)))
         };
-        let beside_m = lane.borders.farthest_m().max(0.0);
         let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
         Self {
             low: Point2::new(low.0 - beside_m, low.1 - beside_m),
@@ -107,6 +118,12 @@ impl Bounds {
             || apart(other.low.x_m, self.high.x_m)
             || apart(self.low.y_m, other.high.y_m)
             || apart(other.low.y_m, self.high.y_m))
+    }
+
+    /// Returns true if a point is inside, or outside by at most `within_m` along each axis.
+    fn has(&self, point: Point2, within_m: f64) -> bool {
+        (self.low.x_m - within_m..=self.high.x_m + within_m).contains(&point.x_m)
+            && (self.low.y_m - within_m..=self.high.y_m + within_m).contains(&point.y_m)
     }
 
     /// Distance from a point, metres; zero inside.
@@ -152,7 +169,8 @@ impl Map {
         let junctions = features.junctions.iter().map(|one| one.lanes.iter().chain(&one.incoming));
         let junctions_of = by_lane(junctions);
         let signals_of = by_lane(features.signals.iter().map(|signal| signal.lanes.iter()));
-        let map = Self { lanes, bounds, predecessors, features, junctions_of, signals_of };
+        let paths = Paths::default();
+        let map = Self { lanes, bounds, predecessors, features, junctions_of, signals_of, paths };
         map.lanes.iter().try_for_each(|lane| map.check(lane))?;
         map.features.check(&map.lanes)?;
         Ok(map)
@@ -282,7 +300,7 @@ impl Map {
 
     /// Lanes that contain a point, ordered by identity: several where lanes cross, merge or share a border.
     pub fn at(&self, point: Point2) -> impl Iterator<Item = LanePlace> + '_ {
-        let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, b)| b.distance_m(point) == 0.0);
+        let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, b)| b.has(point, 0.0));
         near.filter_map(move |(lane, _)| lane.place_of(point).map(|place| LanePlace { lane: lane.id, place }))
     }
 

@@ -147,15 +147,20 @@ impl Route {
 
     /// Lane at arc length `s_m`, the first or last beyond the ends; `None` for a route without a map.
     pub fn stretch_at(&self, s_m: f64) -> Option<&Stretch> {
+        self.stretches_from(s_m).first()
+    }
+
+    /// Lanes from arc length `s_m` on, with the one there.
+    fn stretches_from(&self, s_m: f64) -> &[Stretch] {
         let next = self.stretches.partition_point(|x| x.begin_m <= s_m);
-        self.stretches.get(next.max(1) - 1)
+        &self.stretches[next.max(1) - 1..]
     }
 
     /// Speed at arc length `s_m` from which the ego keeps all speed limits, those ahead with a deceleration of
     /// `brake_mps2`, m/s; infinite without a limit.
     pub fn speed_limit_mps(&self, s_m: f64, brake_mps2: f64) -> f64 {
-        let here = self.stretches.partition_point(|x| x.begin_m <= s_m).max(1) - 1;
-        let limits = self.stretches.iter().skip(here).filter_map(|x| Some((x.begin_m, x.speed_limit_mps?)));
+        let ahead = self.stretches_from(s_m).iter();
+        let limits = ahead.filter_map(|x| Some((x.begin_m, x.speed_limit_mps?)));
         let before = |(begin_m, limit_mps): (f64, f64)| {
             (limit_mps * limit_mps + 2.0 * brake_mps2 * (begin_m - s_m).max(0.0)).sqrt()
         };
@@ -164,8 +169,7 @@ impl Route {
 
     /// Distance from arc length `s_m` to the next junction, metres: zero inside one, infinite if none follows.
     pub fn to_junction_m(&self, s_m: f64) -> f64 {
-        let here = self.stretches.partition_point(|x| x.begin_m <= s_m).max(1) - 1;
-        let next = self.stretches.iter().skip(here).find(|x| x.in_junction);
+        let next = self.stretches_from(s_m).iter().find(|x| x.in_junction);
         next.map_or(f64::INFINITY, |next| (next.begin_m - s_m).max(0.0))
     }
 

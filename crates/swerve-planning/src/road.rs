@@ -3,8 +3,7 @@
 use core::cell::Cell;
 
 use swerve_geom::{FrenetPoint, Point2};
-use swerve_map::Route;
-use swerve_map::{Border, Borders, Station};
+use swerve_map::{Borders, Route};
 
 use crate::collision::Solid;
 use crate::request::Request;
@@ -48,77 +47,6 @@ pub struct Road {
     pieces: Vec<Piece>,
     chunks: Vec<Chunk>,
     borders: Borders,
-    left: Stations,
-    right: Stations,
-}
-
-/// Stations of a border, with an index by arc length; empty for a border of constant distance.
-#[derive(Clone, Debug, Default)]
-struct Stations {
-    stations: Vec<Station>,
-    /// Arc length of the first cell, metres.
-    from_m: f64,
-    /// For each cell of [`CELL_M`], the number of stations before its start.
-    before: Vec<u32>,
-}
-
-/// Length of a cell of the index of stations, metres.
-const CELL_M: f64 = 1.0;
-
-impl Stations {
-    /// Sets the stations of a border; between `from_m` and `to_m` they are found by the index.
-    fn set(&mut self, border: &Border, [from_m, to_m]: [f64; 2]) {
-        self.stations.clear();
-        self.stations.extend_from_slice(border.stations());
-        self.before.clear();
-        let (Some(first), Some(last)) = (self.stations.first(), self.stations.last()) else { return };
-        self.from_m = from_m.max(first.s_m);
-        let cells = ((to_m.min(last.s_m) - self.from_m) / CELL_M).ceil().max(0.0) as usize;
-        let mut count = self.stations.partition_point(|x| x.s_m < self.from_m);
-        for k in 0..=cells {
-            let start_m = self.from_m + k as f64 * CELL_M;
-            while self.stations.get(count).is_some_and(|x| x.s_m < start_m) {
-                count += 1;
-            }
-            self.before.push(count as u32);
-        }
-    }
-
-    /// Number of stations at arc lengths up to `s_m`.
-    #[inline]
-    fn up_to(&self, s_m: f64) -> usize {
-        let cell = ((s_m - self.from_m) / CELL_M) as usize;
-        match self.before.get(cell).filter(|_| s_m >= self.from_m) {
-            Some(&before) => {
-                let after = &self.stations[before as usize..];
-                before as usize + after.iter().take_while(|x| x.s_m <= s_m).count()
-            }
-            None => self.stations.partition_point(|x| x.s_m <= s_m),
-        }
-    }
-
-    /// Distance of the border at `s_m`, metres; equal to [`Border::at`].
-    #[inline]
-    fn at(&self, border: &Border, s_m: f64) -> f64 {
-        let next = self.up_to(s_m);
-        match (next.checked_sub(1).map(|k| self.stations[k]), self.stations.get(next)) {
-            (Some(a), Some(b)) => {
-                a.distance_m + (b.distance_m - a.distance_m) * ((s_m - a.s_m) / (b.s_m - a.s_m))
-            }
-            (Some(end), None) => end.distance_m,
-            (None, Some(end)) => end.distance_m,
-            (None, None) => border.at(s_m),
-        }
-    }
-
-    /// Stations between arc lengths, ends included.
-    fn between(&self, [from_m, to_m]: [f64; 2]) -> &[Station] {
-        let mut begin = self.up_to(from_m);
-        while begin > 0 && self.stations[begin - 1].s_m == from_m {
-            begin -= 1;
-        }
-        &self.stations[begin..self.up_to(to_m).max(begin)]
-    }
 }
 
 impl Road {
@@ -146,8 +74,6 @@ impl Road {
 
     fn set_between(&mut self, route: &Route, [from_m, to_m]: [f64; 2]) {
         self.borders.clone_from(route.borders());
-        self.left.set(route.borders().left(), [from_m, to_m]);
-        self.right.set(route.borders().right(), [from_m, to_m]);
         self.pieces.clear();
         self.chunks.clear();
         let points = route.line().points();
@@ -235,54 +161,12 @@ impl Road {
 
     /// Distance of the outermost place of `footprint` inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
-        match self.is_uniform() {
-            true => self.borders.margin_m(footprint.corners(), self.projector(footprint)),
-            false => self.margin_above_m(footprint, f64::NEG_INFINITY),
-        }
+        self.borders.margin_m(footprint.corners(), self.projector(footprint))
     }
 
     /// Returns true if [`margin_m`](Self::margin_m) is at least `needed_m`.
     pub fn keeps(&self, footprint: &Solid, needed_m: f64) -> bool {
-        match self.is_uniform() {
-            true => self.borders.keeps(footprint.corners(), needed_m, self.projector(footprint)),
-            false => self.margin_above_m(footprint, needed_m) >= needed_m,
-        }
-    }
-
-    /// True if both borders have the same distance everywhere.
-    fn is_uniform(&self) -> bool {
-        self.left.stations.is_empty() && self.right.stations.is_empty()
-    }
-
-    /// As [`Borders::margin_m`]; some value below `needed_m` if that is so.
-    fn margin_above_m(&self, footprint: &Solid, needed_m: f64) -> f64 {
-        let (corners, project) = (footprint.corners(), self.projector(footprint));
-        let places = corners.map(&project);
-        let mut margin_m = places.into_iter().fold(f64::INFINITY, |m, place| m.min(self.room_m(place)));
-        let ends = places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low_m, high_m], place| {
-            [low_m.min(place.s_m), high_m.max(place.s_m)]
-        });
-        if margin_m < needed_m {
-            return margin_m;
-        }
-        for station in self.left.between(ends).iter().chain(self.right.between(ends)) {
-            for (i, from) in places.into_iter().enumerate() {
-                let next = (i + 1) % 4;
-                let share = (station.s_m - from.s_m) / (places[next].s_m - from.s_m);
-                if share > 0.0 && share < 1.0 {
-                    let beside = project(corners[i] + (corners[next] - corners[i]) * share);
-                    margin_m = margin_m.min(self.room_m(beside));
-                }
-            }
-        }
-        margin_m
-    }
-
-    /// As [`Borders::room_m`].
-    fn room_m(&self, place: FrenetPoint) -> f64 {
-        let left_m = self.left.at(self.borders.left(), place.s_m);
-        let right_m = self.right.at(self.borders.right(), place.s_m);
-        (left_m - place.d_m).min(place.d_m + right_m)
+        self.borders.keeps(footprint.corners(), needed_m, self.projector(footprint))
     }
 }
 

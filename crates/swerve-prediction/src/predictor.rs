@@ -18,9 +18,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
+use swerve_map::Map;
 use swerve_msg::{Prediction, PredictionList, Route, Track, TrackList};
 
-use crate::lanes::LaneGraph;
 use crate::learned::{Model, Weights};
 use crate::past::Past;
 
@@ -137,8 +137,8 @@ pub enum Ground<'a> {
     Open,
     /// A single road, along which road users keep their lateral offset, in either direction.
     Road(&'a Route),
-    /// A lane graph.
-    Lanes(&'a LaneGraph),
+    /// A lane map: vehicles follow the paths over its lanes.
+    Lanes(&'a Map),
 }
 
 impl<'a> Ground<'a> {
@@ -148,7 +148,7 @@ impl<'a> Ground<'a> {
     }
 
     /// [`Ground::Lanes`] if there are lanes, else [`Ground::Open`].
-    pub fn lanes(lanes: Option<&'a LaneGraph>) -> Self {
+    pub fn lanes(lanes: Option<&'a Map>) -> Self {
         lanes.map_or(Self::Open, Self::Lanes)
     }
 }

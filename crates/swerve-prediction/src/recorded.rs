@@ -10,9 +10,8 @@ use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
+use swerve_map::Map;
 use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
-
-use crate::lanes::LaneGraph;
 
 pub use made::{made, made_finely};
 pub use written::{StepError, commonroad_text};
@@ -60,8 +59,8 @@ pub struct Recording {
     pub step: Span,
     /// Tracks, ordered by identity.
     pub tracks: Vec<RecordedTrack>,
-    /// Lane graph of the scene, if known.
-    pub lanes: Option<Arc<LaneGraph>>,
+    /// Lane map of the scene, if known.
+    pub lanes: Option<Arc<Map>>,
 }
 
 /// An actor that is observed throughout a window.

@@ -16,7 +16,7 @@ enum Text {
 fn stations(border: &Border) -> Vec<(f64, f64)> {
     match &border.0 {
         Form::Constant(distance_m) => vec![(0.0, *distance_m)],
-        Form::Linear(stations) => stations.iter().map(|x| (x.s_m, x.distance_m)).collect(),
+        Form::Linear(stations) => stations.as_slice().iter().map(|x| (x.s_m, x.distance_m)).collect(),
     }
 }
 

@@ -304,11 +304,9 @@ fn beyond(map: &Map, last: Option<&Lane>, length_m: f64, parts: &mut Parts) {
     while let Some(lane) = at.filter(|_| parts.length_m < until_m) {
         let turn = |next: &Lane| {
             let [begin, end] = [0.0, next.line.length()].map(|s_m| next.line.at(s_m).pose.heading_rad);
-            angle_between(begin, end).abs()
+            (next.kind == LaneKind::Driving).then_some(angle_between(begin, end).abs())
         };
-        let nexts = lane.successors.iter().filter_map(|id| map.lane(*id));
-        let nexts = nexts.filter(|next| next.kind == LaneKind::Driving);
-        at = nexts.min_by(|a, b| turn(a).total_cmp(&turn(b)).then(a.id.cmp(&b.id)));
+        at = map.best_successor(lane, turn);
         if let Some(next) = at {
             add_lane(map, parts, next);
         }

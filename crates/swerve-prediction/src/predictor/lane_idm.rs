@@ -2,7 +2,7 @@
 //!
 //! The speed follows the intelligent driver model (Treiber, Hennecke and Helbing 2000) behind the lead on the path,
 //! which is simulated by it too, limited by the curvature. All vehicles are simulated simultaneously, so that a
-//! slowdown propagates back along the lane as it does on the road. The paths are those of a lane graph from the
+//! slowdown propagates back along the lane as it does on the road. The paths are those of a lane map from the
 //! vehicle's position, with stop lines; the scenario's road at the vehicle's offset; or straight ahead. The lateral
 //! speed decays.
 

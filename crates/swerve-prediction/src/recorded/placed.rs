@@ -7,9 +7,9 @@
 use std::sync::Arc;
 
 use swerve_geom::{Point2, Vector2, angle_between};
+use swerve_map::Map;
 
 use super::Recording;
-use crate::lanes::LaneGraph;
 
 /// Largest translation along each axis in either direction, and size of the cells, metres.
 const REACH_M: f64 = 200.0;
@@ -31,7 +31,7 @@ type Going = (Point2, f64);
 impl Recording {
     /// Moves the recording onto `lanes`. Also returns the share of moving positions that are then near the centre of
     /// a lane of their direction, 0 to 1. `None` if nothing moves, or no lane is within reach.
-    pub fn placed(&self, lanes: &Arc<LaneGraph>) -> Option<(Self, f64)> {
+    pub fn placed(&self, lanes: &Arc<Map>) -> Option<(Self, f64)> {
         let going = self.going();
         let (votes, fits) = (thinned(&going, VOTES), thinned(&going, FITS));
         let fitted = best_cells(&votes, lanes).into_iter().map(|shift| fitted(shift, &fits, lanes));
@@ -66,10 +66,10 @@ fn thinned(going: &[Going], most: usize) -> Vec<Going> {
 }
 
 /// Translations with the most votes, without neighbours of better ones.
-fn best_cells(going: &[Going], lanes: &LaneGraph) -> Vec<Vector2> {
+fn best_cells(going: &[Going], lanes: &Map) -> Vec<Vector2> {
     let mut votes = vec![0_u32; CELLS * CELLS];
     let cell = |shift_m: f64| ((shift_m + REACH_M) / CELL_M).round();
-    for lane in lanes.map().lanes() {
+    for lane in lanes.lanes() {
         for k in 0..(lane.line.length() / CELL_M).min(1e4) as usize {
             let pose = lane.line.at((k as f64 + 0.5) * CELL_M).pose;
             for (point, heading_rad) in going {
@@ -103,7 +103,7 @@ fn best_cells(going: &[Going], lanes: &LaneGraph) -> Vec<Vector2> {
 
 /// Fits a translation to the centre lines of the lanes by least squares; also returns the share of positions near a
 /// centre line.
-fn fitted(mut shift: Vector2, going: &[Going], lanes: &LaneGraph) -> (Vector2, f64) {
+fn fitted(mut shift: Vector2, going: &[Going], lanes: &Map) -> (Vector2, f64) {
     let mut share = 0.0;
     for round in 0..=ROUNDS {
         // Damped, so that a component along a straight road, which is unobservable, stays as it is.
@@ -129,13 +129,15 @@ fn fitted(mut shift: Vector2, going: &[Going], lanes: &LaneGraph) -> (Vector2, f
 }
 
 /// Offset of a point to the left of the nearest lane of its direction, and the direction of that offset.
-fn off_middle(point: Point2, heading_rad: f64, lanes: &LaneGraph) -> Option<(f64, Vector2)> {
-    let spots = lanes.spots(point).into_iter().filter_map(|spot| {
-        let on = lanes.pose(&spot);
+fn off_middle(point: Point2, heading_rad: f64, lanes: &Map) -> Option<(f64, Vector2)> {
+    let places = lanes.path_places(point).filter_map(|found| {
+        let length_m = lanes.lane(found.lane)?.line.length();
+        let on = lanes.path_pose(found)?;
         let is_along = angle_between(on.heading_rad, heading_rad).abs() < ALONG_RAD;
-        (is_along && lanes.is_between_ends(&spot)).then_some((spot.at.d_m, on.direction().left()))
+        let is_between_ends = (0.0..=length_m).contains(&found.place.s_m);
+        (is_along && is_between_ends).then_some((found.place.d_m, on.direction().left()))
     });
-    spots.min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+    places.min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use swerve_flow::{
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::{Ground, Horizon, OwnWays, Predictor, Telling, foretold};
+use swerve_prediction::{Ground, Horizon, LaneFollowing, Predictor, Telling, foretold};
 use swerve_scenario::Course;
 use swerve_sim::{Ahead, SimParams};
 use swerve_text::{KeyProblem, in_one_line};
@@ -41,7 +41,7 @@ struct ByTracks {
     /// True if vehicles are predicted along the road.
     follows_road: bool,
     /// Ways of those that do not follow the road, on a map.
-    ways: Option<OwnWays>,
+    ways: Option<LaneFollowing>,
 }
 
 /// Tracks for a predictor.
@@ -120,7 +120,7 @@ impl OperatorKind for Predictors {
             Course::Map(course) => Some(Arc::clone(&course.map)),
             Course::Strip(_) => None,
         };
-        let ways = map.filter(|_| follows_road).map(OwnWays::new);
+        let ways = map.filter(|_| follows_road).map(LaneFollowing::new);
         site.add(ByTracks { predictor, horizon, covariances, follows_road, ways }, None)
     }
 }

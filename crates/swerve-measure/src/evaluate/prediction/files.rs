@@ -8,8 +8,8 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_map::Map;
 use swerve_map_io::commonroad::{self, Centers};
-use swerve_prediction::lanes::LaneGraph;
 use swerve_prediction::recorded::{Recording, commonroad_csv, eth_ucy, text};
 use swerve_report::files::{entries, read_whole};
 
@@ -141,14 +141,14 @@ pub fn on_lanes(mut file: File, path: &Path) -> anyhow::Result<File> {
 }
 
 /// Maps of the sites in a file, by scenario name.
-fn maps(folder: &Path, file: &File) -> anyhow::Result<BTreeMap<String, Arc<LaneGraph>>> {
+fn maps(folder: &Path, file: &File) -> anyhow::Result<BTreeMap<String, Arc<Map>>> {
     let mut maps = BTreeMap::new();
     for path in matching(folder, &[".xml", ".xml.gz"])? {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.trim_end_matches(".gz").trim_end_matches(".xml").to_owned();
         if file.recordings.iter().any(|(scenario, _)| site(scenario) == site(&name)) {
             let roads = commonroad::read(&path.display().to_string(), &unpacked(&path)?, Centers::Middles)?;
-            maps.insert(name, Arc::new(LaneGraph::new(roads.lanes.map)));
+            maps.insert(name, Arc::new(roads.lanes.map));
         }
     }
     Ok(maps)

@@ -1,6 +1,9 @@
 //! Simulation of all vehicles by the intelligent driver model.
 
+use std::collections::BTreeSet;
+
 use swerve_geom::math;
+use swerve_map::LaneId;
 
 use super::place::{Along, Position, walks};
 use crate::idm::{self, STAND_GAP_M};
@@ -81,7 +84,7 @@ impl<'a> Driver<'a> {
         one: &Tracked,
         along: &'a Along<'a>,
         (places, seen, k): (&[Position<'_>], &[Tracked], usize),
-        red: &[bool],
+        red: &BTreeSet<LaneId>,
     ) -> Self {
         let speed_mps = places[k].velocity_mps.norm();
         // Pedestrians have no lead and keep their speed; they only act as leads.
@@ -91,13 +94,11 @@ impl<'a> Driver<'a> {
         let held_up = 1.0 / (1.0 + apart * apart * apart * apart);
         let alone_mps = speed_mps * WANTED_SHARE + 0.1;
         let held_mps = speed_mps * HELD_UP[0] + HELD_UP[1];
-        let red_m = along.stop().filter(|(_, lane)| red.get(*lane).is_some_and(|is_red| *is_red)).and_then(
-            |(stop_m, _)| {
-                let front_m = stop_m - 0.5 * one.track.extent.length_m;
-                let stops = speed_mps * speed_mps < 2.0 * STOP_MPS2 * front_m;
-                (stops && front_m > 0.0).then_some(front_m)
-            },
-        );
+        let red_m = along.stop().filter(|(_, lane)| red.contains(lane)).and_then(|(stop_m, _)| {
+            let front_m = stop_m - 0.5 * one.track.extent.length_m;
+            let stops = speed_mps * speed_mps < 2.0 * STOP_MPS2 * front_m;
+            (stops && front_m > 0.0).then_some(front_m)
+        });
         let first_mps2 = if walks(one) { 0.0 } else { GAIN_SHARE * gain_mps2(&one.past).clamp(-5.0, 3.0) };
         Self {
             along,

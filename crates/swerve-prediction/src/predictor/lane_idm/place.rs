@@ -1,11 +1,12 @@
 //! Positions of vehicles, and the paths that they can follow.
 
+use std::collections::BTreeSet;
+
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
-use swerve_map::SignalId;
+use swerve_map::{LaneId, LanePath, LanePlace, Map, SignalId};
 use swerve_msg::ActorKind;
 
-use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
 use crate::predictor::{Ground, Horizon, Tracked};
@@ -40,8 +41,8 @@ const AT_LINE_M: f64 = 15.0;
 pub(super) struct Position<'a> {
     pub(super) point: Point2,
     pub(super) velocity_mps: Vector2,
-    /// Positions on all lanes; a road is lane 0.
-    pub(super) spots: Vec<Spot>,
+    /// Positions on all lanes; a road without a map is one lane.
+    pub(super) spots: Vec<LanePlace>,
     /// Paths with their probabilities, which sum to 1; the likeliest first, never empty.
     pub(super) ways: Vec<(f64, Along<'a>)>,
 }
@@ -59,8 +60,8 @@ pub(super) enum Along<'a> {
 #[derive(Clone)]
 pub(super) struct OnLine<'a> {
     pub(super) line: &'a Polyline,
-    /// Lane sequence of the path, on a lane graph.
-    way: Option<&'a LaneWay>,
+    /// The path over a lane map, of which this is the line.
+    way: Option<&'a LanePath>,
     pub(super) at: FrenetPoint,
     /// Distance along the line per metre of the path; negative against the line.
     pub(super) sense: f64,
@@ -68,8 +69,8 @@ pub(super) struct OnLine<'a> {
     across_mps: f64,
     /// Lateral settling of an oncoming vehicle that strays; `None`: that of a lane change.
     stray: Option<Settling>,
-    /// Next stop line: distance ahead, metres, and index of its lane.
-    stop: Option<(f64, usize)>,
+    /// Next stop line: distance ahead, metres, and its lane.
+    stop: Option<(f64, LaneId)>,
 }
 
 impl<'a> Position<'a> {
@@ -94,11 +95,11 @@ impl<'a> Position<'a> {
                     (1.0, Along::Line(on))
                 };
                 let along = share_along(route, at, velocity_mps).map(on_road);
-                (vec![Spot { lane: 0, at }], along.into_iter().collect())
+                (vec![LanePlace { lane: LaneId(0), place: at }], along.into_iter().collect())
             }
-            Ground::Lanes(lanes) => {
-                let spots = lanes.spots(point);
-                let ways = ways(&seen.past, velocity_mps, &spots, lanes);
+            Ground::Lanes(map) => {
+                let spots: Vec<LanePlace> = map.path_places(point).collect();
+                let ways = ways(&seen.past, velocity_mps, &spots, map);
                 (spots, ways)
             }
         };
@@ -126,38 +127,40 @@ fn heading_rad(past: &Past) -> Option<f64> {
     Some((now - before.point).heading())
 }
 
-/// Paths on a lane graph for a vehicle at these positions.
-fn ways<'a>(
-    past: &Past,
-    velocity_mps: Vector2,
-    spots: &[Spot],
-    lanes: &'a LaneGraph,
-) -> Vec<(f64, Along<'a>)> {
+/// Paths over a lane map for a vehicle at these positions.
+fn ways<'a>(past: &Past, velocity_mps: Vector2, spots: &[LanePlace], map: &'a Map) -> Vec<(f64, Along<'a>)> {
     let heading_rad = heading_rad(past);
     let ahead_m = velocity_mps.norm() * AHEAD_S + AHEAD_M;
-    let mut found: Vec<(f64, Spot, &LaneWay)> = Vec::new();
+    // Share, position along the path, and the path.
+    let mut found: Vec<(f64, FrenetPoint, &LanePath)> = Vec::new();
     for spot in spots {
-        let off_rad = heading_rad.map_or(0.0, |own| angle_between(lanes.pose(spot).heading_rad, own));
-        if off_rad.abs() > ALONG_RAD || !lanes.map().lanes()[spot.lane].kind.is_drivable() {
+        let is_drivable = map.lane(spot.lane).is_some_and(|lane| lane.kind.is_drivable());
+        let Some(pose) = map.path_pose(*spot).filter(|_| is_drivable) else { continue };
+        let off_rad = heading_rad.map_or(0.0, |own| angle_between(pose.heading_rad, own));
+        if off_rad.abs() > ALONG_RAD {
             continue;
         }
-        let (rad, m) = (off_rad / OFF_RAD, spot.at.d_m / OFF_M);
+        let (rad, m) = (off_rad / OFF_RAD, spot.place.d_m / OFF_M);
         let weight = math::exp(-0.5 * (rad * rad + m * m)).max(SHARE_MIN);
-        let ways = lanes.ways(spot.lane);
-        let likely = |way: &LaneWay| math::exp(-way.turn_rad / TURN_RAD).max(SHARE_MIN);
-        let sum: f64 = ways.iter().map(likely).sum();
-        for way in ways {
-            let share = weight * likely(way) / sum;
-            let parts = |other: &LaneWay| {
-                let both = way.lanes.iter().zip(&other.lanes);
-                both.filter(|(a, b)| a.0 != b.0).map(|(a, _)| a.1 - spot.at.s_m).next()
+        let paths = map.paths(spot.lane);
+        let likely = |path: &LanePath| math::exp(-path.turn_rad / TURN_RAD).max(SHARE_MIN);
+        let sum: f64 = paths.iter().map(likely).sum();
+        // Only paths from the same lane are merged.
+        let of_lane = found.len();
+        for path in paths {
+            let share = weight * likely(path) / sum;
+            let begin_m = path.begin_m(spot.lane).unwrap_or(0.0);
+            let at = FrenetPoint { s_m: begin_m + spot.place.s_m, d_m: spot.place.d_m };
+            let parts = |other: &LanePath| {
+                let both = path.lanes.iter().zip(&other.lanes);
+                both.filter(|(a, b)| a.0 != b.0).map(|(a, _)| a.1 - at.s_m).next()
             };
-            let same = |(_, at, other): &&mut (f64, Spot, &LaneWay)| {
-                at.lane == spot.lane && parts(other).is_none_or(|parts_m| parts_m > ahead_m)
+            let same = |(.., other): &&mut (f64, FrenetPoint, &LanePath)| {
+                parts(other).is_none_or(|parts_m| parts_m > ahead_m)
             };
-            match found.iter_mut().find(same) {
+            match found[of_lane..].iter_mut().find(same) {
                 Some((sum, ..)) => *sum += share,
-                None => found.push((share, *spot, way)),
+                None => found.push((share, at, path)),
             }
         }
     }
@@ -166,19 +169,12 @@ fn ways<'a>(
     let all: f64 = found.iter().map(|(share, ..)| share).sum();
     found.retain(|(share, ..)| *share >= WAY_SHARE_MIN * all);
     let all: f64 = found.iter().map(|(share, ..)| share).sum();
-    let way = |(share, spot, way): (f64, Spot, &'a LaneWay)| {
-        let across_mps = across_mps(past, &way.line, spot.at).unwrap_or(0.0);
-        let next = way.stops.iter().find(|(at_m, _)| *at_m > spot.at.s_m);
-        let stop = next.map(|(at_m, lane)| (at_m - spot.at.s_m, *lane));
-        let on = OnLine {
-            line: &way.line,
-            way: Some(way),
-            at: spot.at,
-            sense: 1.0,
-            across_mps,
-            stray: None,
-            stop,
-        };
+    let way = |(share, at, path): (f64, FrenetPoint, &'a LanePath)| {
+        let across_mps = across_mps(past, &path.line, at).unwrap_or(0.0);
+        let next = path.stop_lines.iter().find(|(stop_m, _)| *stop_m > at.s_m);
+        let stop = next.map(|(stop_m, lane)| (stop_m - at.s_m, *lane));
+        let line = &path.line;
+        let on = OnLine { line, way: Some(path), at, sense: 1.0, across_mps, stray: None, stop };
         (share / all, Along::Line(on))
     };
     found.into_iter().map(way).collect()
@@ -201,12 +197,12 @@ impl Along<'_> {
                 Some((unit.dot(off), unit.cross(off)))
             }
             Self::Line(OnLine { way, at, sense, .. }) => {
-                let on = |spot: &Spot| {
+                let on = |LanePlace { lane, place }: &LanePlace| {
                     let begin_m = match way {
-                        Some(way) => way.lanes.iter().find(|(lane, _)| *lane == spot.lane)?.1,
+                        Some(way) => way.begin_m(*lane)?,
                         None => 0.0,
                     };
-                    Some(((begin_m + spot.at.s_m - at.s_m) / sense, spot.at.d_m - at.d_m))
+                    Some(((begin_m + place.s_m - at.s_m) / sense, place.d_m - at.d_m))
                 };
                 let ahead = other.spots.iter().filter_map(on).filter(|(ahead_m, _)| *ahead_m > 0.0);
                 ahead.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
@@ -239,8 +235,8 @@ impl Along<'_> {
         }
     }
 
-    /// Next stop line: distance ahead, metres, and index of its lane.
-    pub(super) fn stop(&self) -> Option<(f64, usize)> {
+    /// Next stop line: distance ahead, metres, and its lane.
+    pub(super) fn stop(&self) -> Option<(f64, LaneId)> {
         match self {
             Self::Line(on) => on.stop,
             Self::Straight(..) => None,
@@ -249,21 +245,26 @@ impl Along<'_> {
 }
 
 /// Lanes with a vehicle waiting at their stop line, and all lanes with the same signals: these are presumed red.
-pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<'_>) -> Vec<bool> {
-    let Ground::Lanes(lanes) = ground else { return Vec::new() };
-    let mut red = vec![false; lanes.map().lanes().len()];
+pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<'_>) -> BTreeSet<LaneId> {
+    let Ground::Lanes(map) = ground else { return BTreeSet::new() };
+    let mut red = BTreeSet::new();
     for (place, one) in places.iter().zip(seen).filter(|(_, one)| !walks(one)) {
         let Some((stop_m, lane)) = place.ways[0].1.stop() else { continue };
         let front_m = stop_m - 0.5 * one.track.extent.length_m;
         if place.velocity_mps.norm() < STANDS_MPS && front_m < AT_LINE_M {
-            red[lane] = true;
+            red.insert(lane);
         }
     }
-    let waited: Vec<Vec<SignalId>> =
-        (0..red.len()).filter(|k| red[*k]).map(|k| lanes.signals(k).collect()).collect();
-    for (k, is_red) in red.iter_mut().enumerate() {
-        let signals: Vec<SignalId> = lanes.signals(k).collect();
-        *is_red |= !signals.is_empty() && waited.contains(&signals);
+    let signals = |lane: LaneId| -> Vec<SignalId> {
+        map.stop_lines_of(lane).iter().flat_map(|line| line.signals.iter().copied()).collect()
+    };
+    let waited: BTreeSet<Vec<SignalId>> = red.iter().map(|lane| signals(*lane)).collect();
+    if waited.iter().any(|signals| !signals.is_empty()) {
+        let same = map.stop_lines().iter().map(|line| line.lane).filter(|lane| {
+            let signals = signals(*lane);
+            !signals.is_empty() && waited.contains(&signals)
+        });
+        red.extend(same);
     }
     red
 }

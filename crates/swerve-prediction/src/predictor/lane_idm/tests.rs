@@ -5,7 +5,6 @@ use swerve_map::{Borders, Features, Lane, LaneId, Map, Signal, SignalId, StopLin
 use swerve_msg::{ActorId, ActorKind, Extent, Prediction, Sighting, Track, TrackList};
 
 use super::*;
-use crate::lanes::LaneGraph;
 use crate::predictor::{PredictorName, predict};
 
 const FIVE_SECONDS: Horizon = Horizon { steps: 50, step: Span::from_ms(100) };
@@ -32,7 +31,7 @@ fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
 
 /// 60 m to the east with a stop line at their end, then straight on or to the left; and a parallel lane with the same
 /// light.
-fn fork() -> LaneGraph {
+fn fork() -> Map {
     let lanes = vec![
         lane(1, &[(0.0, 0.0), (60.0, 0.0)], &[2, 3]),
         lane(2, &[(60.0, 0.0), (200.0, 0.0)], &[]),
@@ -51,10 +50,10 @@ fn fork() -> LaneGraph {
     let stop = |lane| StopLine { signals: vec![SignalId(7)], ..StopLine::new(LaneId(lane), 60.0) };
     let features =
         Features { signals: vec![light], stop_lines: vec![stop(1), stop(4)], ..Features::default() };
-    LaneGraph::new(Map::with_features(lanes, features).unwrap())
+    Map::with_features(lanes, features).unwrap()
 }
 
-fn foretold(tracks: Vec<Track>, lanes: &LaneGraph) -> Vec<Modes> {
+fn foretold(tracks: Vec<Track>, lanes: &Map) -> Vec<Modes> {
     let list = TrackList { stamp: Time::ZERO, tracks };
     let found = predict(PredictorName::LaneIdm, &list, &FIVE_SECONDS, Ground::Lanes(lanes)).predictions;
     let found: Vec<Modes> = Prediction::by_actor(&found).map(<[_]>::to_vec).collect();
@@ -74,7 +73,7 @@ fn ends(found: &[Modes], k: usize) -> Vec<Pose2> {
 #[test]
 fn prediction_has_a_cruising_and_a_braking_mode_for_each_path() {
     let lanes = fork();
-    let line = |k: usize| &lanes.map().lanes()[k].line;
+    let line = |k: usize| &lanes.lanes()[k].line;
     let found = foretold(vec![car(1, line(0), 40.0, 10.0)], &lanes);
     let [on, on_brakes, left, left_brakes] = ends(&found, 0)[..] else { panic!("four modes") };
     assert!(on.x_m > 88.0 && on.y_m.abs() < 0.1, "{on:?}");
@@ -94,7 +93,7 @@ fn prediction_has_a_cruising_and_a_braking_mode_for_each_path() {
 #[test]
 fn slowdown_of_the_lead_propagates_back_along_the_lane() {
     let lanes = fork();
-    let line = &lanes.map().lanes()[1].line;
+    let line = &lanes.lanes()[1].line;
     let column = |ahead_mps: f64| {
         let mut cars: Vec<Track> = (0..4).map(|k| car(k, line, 15.0 * f64::from(k), 10.0)).collect();
         cars.push(car(4, line, 60.0, ahead_mps));
@@ -114,7 +113,7 @@ fn slowdown_of_the_lead_propagates_back_along_the_lane() {
 #[test]
 fn vehicle_waiting_at_a_stop_line_implies_a_red_light() {
     let lanes = fork();
-    let line = |k: usize| &lanes.map().lanes()[k].line;
+    let line = |k: usize| &lanes.lanes()[k].line;
     let comes = car(1, line(0), 20.0, 10.0);
     let alone = foretold(vec![comes.clone()], &lanes);
     assert!(ends(&alone, 0)[0].x_m > 66.0);
@@ -133,7 +132,7 @@ fn vehicle_waiting_at_a_stop_line_implies_a_red_light() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Arbitrary lane graphs with arbitrary vehicles: probabilities sum to 1, and positions are finite.
+    /// Arbitrary lane maps with arbitrary vehicles: probabilities sum to 1, and positions are finite.
     #[test]
     fn predictions_are_valid_on_arbitrary_lanes(
         points in prop::collection::vec((-60.0..60.0, -60.0..60.0), 4..9),
@@ -154,7 +153,7 @@ proptest! {
         }
         let stop_lines = vec![StopLine::new(LaneId(0), lanes[0].line.length().min(1.0))];
         let features = Features { stop_lines, ..Features::default() };
-        let lanes = LaneGraph::new(Map::with_features(lanes, features).unwrap());
+        let lanes = Map::with_features(lanes, features).unwrap();
         let track = |(k, &(x, y, vx, vy)): (usize, &(f64, f64, f64, f64))| {
             let to = (x + 3.0 * vx + 1e-3, y + 3.0 * vy);
             let line = Polyline::new(&[Point2::new(x, y), Point2::new(to.0, to.1)]).unwrap();

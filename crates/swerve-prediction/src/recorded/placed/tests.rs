@@ -7,7 +7,7 @@ use super::*;
 use crate::recorded::RecordedTrack;
 
 /// Two lanes that cross at (50, 0), one of them curved.
-fn crossing() -> Arc<LaneGraph> {
+fn crossing() -> Arc<Map> {
     let lane = |id, points: &[(f64, f64)]| {
         let points: Vec<Point2> = points.iter().map(|(x, y)| Point2::new(*x, *y)).collect();
         Lane::new(LaneId(id), Polyline::new(&points).unwrap(), Borders::constant(1.75, 1.75))
@@ -16,11 +16,11 @@ fn crossing() -> Arc<LaneGraph> {
         lane(1, &[(0.0, 0.0), (100.0, 0.0)]),
         lane(2, &[(50.0, -60.0), (50.0, 20.0), (60.0, 40.0), (80.0, 50.0)]),
     ];
-    Arc::new(LaneGraph::new(Map::new(lanes).unwrap()))
+    Arc::new(Map::new(lanes).unwrap())
 }
 
 /// Tracks along both lanes, translated by `off`, 0.3 m to the left of the centre.
-fn driven(lanes: &LaneGraph, off: Vector2) -> Recording {
+fn driven(lanes: &Map, off: Vector2) -> Recording {
     let track = |(k, lane): (usize, &Lane)| {
         let place = |step: i64| {
             let pose = lane.line.at(step as f64).pose;
@@ -30,7 +30,7 @@ fn driven(lanes: &LaneGraph, off: Vector2) -> Recording {
         let samples = (2..80).map(place).collect();
         RecordedTrack { id: ActorId(k as u32), kind: ActorKind::Car, extent, samples }
     };
-    let tracks = lanes.map().lanes().iter().enumerate().map(track).collect();
+    let tracks = lanes.lanes().iter().enumerate().map(track).collect();
     Recording { step: Span::from_ms(100), tracks, lanes: None }
 }
 

@@ -1,4 +1,4 @@
-//! Ways of road users over a map that do not follow the ego's route.
+//! Prediction along the lanes of a map.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,26 +16,23 @@ const SPEED_MIN_MPS: f64 = 1.0;
 const ALONG_RAD: f64 = 0.6;
 /// Angle that counts as much as a metre from the centre of the lane, radians.
 const RAD_PER_M: f64 = 0.1;
-/// Length of a way beyond the lane that it begins on, metres: beyond the travel of any vehicle within a horizon.
-const REACH_M: f64 = 150.0;
-/// Largest number of lanes in a way.
-const LANES_MAX: usize = 64;
 /// Length over which the curvature of a lane is averaged, metres.
 const BEND_M: f64 = 10.0;
 
-/// Ways over a map, by the lane that they begin on.
+/// Prediction of vehicles that do not follow the ego's route: along the lanes of a map from the lane that they are on.
 ///
 /// A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
 /// before: straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is
 /// nearest to that of the vehicle.
 #[derive(Clone, Debug)]
-pub struct OwnWays {
+pub struct LaneFollowing {
     map: Arc<Map>,
+    /// Ways by the lane that they begin on; `None` where there is none.
     ways: BTreeMap<LaneId, Option<Route>>,
 }
 
-impl OwnWays {
-    /// Creates ways over a map.
+impl LaneFollowing {
+    /// Creates a prediction along the lanes of this map.
     pub fn new(map: Arc<Map>) -> Self {
         Self { map, ways: BTreeMap::new() }
     }
@@ -113,18 +110,11 @@ impl OwnWays {
 
 /// Lanes from one on.
 fn chain(map: &Map, from: LaneId) -> Vec<LaneId> {
-    let mut lanes = vec![from];
-    let (mut at, mut length_m) = (map.lane(from), 0.0);
-    while let Some(lane) = at.filter(|_| length_m < REACH_M && lanes.len() < LANES_MAX) {
-        let change_1pm = |next: &Lane| (begin_1pm(next) - end_1pm(lane)).abs();
-        let nexts = lane.successors.iter().filter_map(|id| map.lane(*id));
-        at = nexts.min_by(|a, b| change_1pm(a).total_cmp(&change_1pm(b)).then(a.id.cmp(&b.id)));
-        if let Some(next) = at {
-            lanes.push(next.id);
-            length_m += next.line.length();
-        }
-    }
-    lanes
+    let next = |lane| {
+        let change_1pm = |next: &Lane| Some((begin_1pm(next) - end_1pm(lane)).abs());
+        map.best_successor(lane, change_1pm)
+    };
+    map.sequences(from, next).iter().flatten().map(|lane| lane.id).collect()
 }
 
 /// Mean curvature of the first metres of a lane, 1/m.

@@ -48,7 +48,7 @@ fn predicted(map: &Arc<Map>, (x, y): (f64, f64), (vx, vy): (f64, f64)) -> Vec<Po
     let horizon = Horizon { steps: 20, step: Span::from_ms(200) };
     let far = Polyline::new(&[Point2::new(500.0, 0.0), Point2::new(600.0, 0.0)]).unwrap();
     let ego = Route::uniform(far, 2.0, 2.0);
-    let list = OwnWays::new(Arc::clone(map)).predict(&mut Constant, &tracks, &horizon, &ego);
+    let list = LaneFollowing::new(Arc::clone(map)).predict(&mut Constant, &tracks, &horizon, &ego);
     let [only] = &list.predictions[..] else { panic!("{list:?}") };
     only.path.iter().map(|place| place.pose.point()).collect()
 }
