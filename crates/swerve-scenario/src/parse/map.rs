@@ -10,8 +10,8 @@ use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
 
-use super::{ANGLE, PLACE, cycle};
-use crate::{Cycle, MapCourse, TrafficLight};
+use super::{ANGLE, PLACE, program};
+use crate::{MapCourse, SignalProgram, TrafficLight};
 
 /// Length of the ego's route beyond its goal, metres, so that planners know the road ahead.
 const BEYOND_GOAL_M: f64 = 200.0;
@@ -30,7 +30,7 @@ pub(super) struct Loaded {
     pub(super) text: Arc<str>,
     pub(super) file: MapFile,
     pub(super) friction: f64,
-    lights: Vec<(Vec<String>, Cycle)>,
+    lights: Vec<(Vec<String>, SignalProgram)>,
 }
 
 /// A way over the map as a line, with the arc lengths of start and end.
@@ -77,19 +77,19 @@ fn text_beside(scenario: &str, name: &str) -> Result<Arc<str>, String> {
     Ok(decoded(bytes).map_err(|error| wrong(&error))?.into())
 }
 
-/// Names of signals, or of the controllers of signals, and the cycle that they show.
-fn light(table: &TableReader<'_>) -> (Vec<String>, Cycle) {
+/// Names of signals, or of the controllers of signals, and the phases that they show.
+fn light(table: &TableReader<'_>) -> (Vec<String>, SignalProgram) {
     let names = match table.only_one(&["signals", "controller"]) {
         Some("controller") => vec![table.text("controller")],
         Some(_) => table.texts("signals"),
         None => Vec::new(),
     };
-    let cycle = cycle(table);
+    let program = program(table);
     table.finish();
-    (names, cycle)
+    (names, program)
 }
 
-fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, Cycle)], map: &Map) {
+fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgram)], map: &Map) {
     for (table, (names, _)) in tables.iter().zip(lights) {
         let (key, of) = match table.has("controller") {
             true => ("controller", "controller of signals"),
@@ -212,15 +212,17 @@ impl Loaded {
         }))
     }
 
-    /// Traffic lights of the map that have phases. Those that the ego obeys have the stop line on its route.
+    /// Traffic lights of the map that have phases: those of the scenario, else those of the file. Lights that the ego
+    /// obeys have the stop line on its route.
     pub(super) fn lights(&self, route: &Route) -> Vec<TrafficLight> {
         let map = &self.file.map;
         let phased = |signal: &Signal| {
             let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
-            self.lights.iter().find(named).map(|(_, cycle)| *cycle)
+            let given = self.lights.iter().find(named).map(|(_, program)| program);
+            given.or(signal.program.as_ref()).cloned()
         };
         let signals = map.signals().iter().filter_map(|signal| Some((signal, phased(signal)?)));
-        let light = |(signal, cycle): (&Signal, Cycle)| TrafficLight {
+        let light = |(signal, program): (&Signal, SignalProgram)| TrafficLight {
             name: match signal.name.is_empty() {
                 true => format!("signal {}", signal.id.0),
                 false => signal.name.clone(),
@@ -231,7 +233,7 @@ impl Loaded {
                 signal.heading_rad + core::f64::consts::PI,
             ),
             stop_s_m: stop_s_m(map, route, signal),
-            cycle,
+            program,
         };
         signals.map(light).collect()
     }

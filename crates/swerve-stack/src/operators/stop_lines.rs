@@ -141,7 +141,7 @@ impl StopLines {
             let stops = match light.signal {
                 Some(Signal::Red) => held || can_stop(line_s_m),
                 Some(Signal::Yellow) => held || self.stops_at_yellow(line_s_m, stamp, [front_s_m, speed_mps]),
-                Some(Signal::Green) => false,
+                Some(Signal::Green | Signal::Off) => false,
                 None => held,
             };
             stops.then_some(line_s_m)

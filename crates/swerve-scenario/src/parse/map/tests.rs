@@ -95,6 +95,33 @@ fn lights_of_the_ego_have_their_stop_line_on_its_route() {
     assert_eq!(scenario.road.lights[0].signal(swerve_core::Time::ZERO), Shown::Red);
 }
 
+/// A crossing of SUMO with a light, and a way over it.
+const NET: &str = "../../crates/swerve-map-io/maps/junction.net.xml";
+const OVER: &str = "start = { lane = \"in_2\", s_m = 20.0 }\ngoal = { lane = \"out_0\", s_m = 30.0 }";
+
+#[test]
+fn lights_have_the_phases_of_the_file_unless_the_scenario_has_others() {
+    let shown = |rest: &str| {
+        let scenario = sound(NET, OVER, rest);
+        let lights = scenario.road.lights.iter().map(|light| {
+            let at = |s: i64| light.signal(swerve_core::Time::from_ms(1000 * s));
+            (light.name.clone(), light.stop_s_m, [0, 5, 34, 35, 40, 60].map(at))
+        });
+        lights.collect::<Vec<_>>()
+    };
+    use Shown::{Green, Red, Yellow};
+    // A cycle of 30, 3 and 20 s that begins at 5 s. The ego obeys the light of its link, 1 m before the junction.
+    let by_file = [Red, Green, Green, Yellow, Red, Green];
+    let light = |name: &str, stop_s_m, shown| (name.to_owned(), stop_s_m, shown);
+    let walk = light("L:2", None, [Green, Red, Red, Red, Green, Red]);
+    assert_eq!(shown(""), [light("L:0", None, by_file), light("L:1", Some(89.0), by_file), walk.clone()]);
+    let one = "[[map.light]]\nsignals = [\"L:1\"]\ngreen_s = 1.0\nyellow_s = 3.0\nred_s = 500.0";
+    let given = [Green, Red, Red, Red, Red, Red];
+    assert_eq!(shown(one), [light("L:0", None, by_file), light("L:1", Some(89.0), given), walk]);
+    let all = shown(&one.replace("signals = [\"L:1\"]", "controller = \"L\""));
+    assert!(all.iter().all(|(.., shown)| *shown == given), "{all:?}");
+}
+
 #[test]
 fn map_is_read_once_and_its_text_makes_the_same_scenario() {
     let ego = format!("{START}\n{GOAL}");

@@ -57,6 +57,15 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
 }
 
 #[test]
+fn light_that_goes_off_does_not_hold() {
+    let mut lines = lines();
+    for (signal, is_held) in [(Signal::Off, false), (Signal::Red, true), (Signal::Off, false)] {
+        lines.hold(&shows(0, signal), 250.0, 8.0);
+        assert_eq!(!lines.held.is_empty(), is_held, "{signal:?}");
+    }
+}
+
+#[test]
 fn red_holds_until_green_and_where_full_brake_suffices() {
     let full_m = 14.0 * 14.0 / (2.0 * VehicleParams::default().limits.brake_max_mps2);
     let held = |ahead_m: f64| {
