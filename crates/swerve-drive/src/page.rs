@@ -67,7 +67,11 @@ impl RunReport {
 
     fn of_config(config: &Setup, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
-            notes: trust::programs(config).iter().map(|line| format!("{line}.")).collect(),
+            notes: trust::programs(config)
+                .iter()
+                .chain(&scenario.warnings())
+                .map(|line| format!("{line}."))
+                .collect(),
             scenario: scenario.name.clone(),
             pipeline: config.pipeline_name(),
             seed: config.seed,

@@ -147,7 +147,7 @@ fn on_map(top: &TableReader<'_>, text: Option<&Arc<str>>) -> (Road, EgoStart, Op
     table.finish();
     let lights = loaded.lights(&course.route);
     let friction = loaded.friction;
-    let on = loaded.on(course.route);
+    let on = loaded.on(top, course);
     let road = Road { course: Course::Map(Arc::new(on)), friction, lights };
     (road, ego, Some(loaded))
 }

@@ -133,6 +133,8 @@ pub struct MapCourse {
     pub map: Arc<Map>,
     /// Route from the start to the goal and beyond.
     pub route: Route,
+    /// Slopes on the way that driving on the flat projection neglects; `None` where these are small.
+    pub warning: Option<String>,
 }
 
 /// Height of the pavements on both sides of the drivable ground, metres.

@@ -1,5 +1,7 @@
 //! Scenarios on maps: the map, places on it, and ways over it.
 
+mod slopes;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -238,10 +240,15 @@ impl Loaded {
         signals.map(light).collect()
     }
 
-    /// The map under the ego's route.
-    pub(super) fn on(&self, route: Route) -> MapCourse {
+    /// The map under the ego's route. On a way that is too steep or too much banked, that is a problem.
+    pub(super) fn on(&self, top: &TableReader<'_>, course: Course) -> MapCourse {
+        let warning = slopes::warning(&self.file, &course);
+        let warning = warning.unwrap_or_else(|message| {
+            top.reading().report("map.file", message);
+            None
+        });
         let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
-        MapCourse { file, text, map, route }
+        MapCourse { file, text, map, route: course.route, warning }
     }
 }
 
