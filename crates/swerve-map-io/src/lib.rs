@@ -40,6 +40,8 @@ pub mod lane_map;
 pub mod lanelet2;
 pub mod links;
 mod map_file;
+#[cfg(test)]
+mod mutated;
 pub mod opendrive;
 pub mod overview;
 pub mod picture;

@@ -73,6 +73,11 @@ const FAULTS: &Changes = &[
     ),
     (
         "linkIndex=\"0\"",
+        "linkIndex=\"-2147483648\"",
+        "`linkIndex`: expected a whole number, found \"-2147483648\"",
+    ),
+    (
+        "linkIndex=\"0\"",
         "linkIndex=\"first\"",
         "connection: `linkIndex`: expected a whole number, found \"first\"",
     ),
