@@ -104,7 +104,7 @@ fn counts_of_published_networks_match_their_xml() {
         assert_eq!((found, net.programs.len()), (expected, count("tlLogic")), "{name}");
         let phases: usize = net.programs.iter().map(|program| program.phases.len()).sum();
         assert_eq!(phases, count("phase"), "{name}");
-        assert_programs_match_states(&name, &net, root);
+        assert_programs_match_states(name, &net, root);
         let is_kept = |node: &&Node<'_, '_>| !matches!(node.attribute("type"), Some("internal" | "dead_end"));
         let junctions = all(root, "junction");
         assert_eq!(net.lanes.map.junctions().len(), junctions.iter().filter(is_kept).count(), "{name}");
