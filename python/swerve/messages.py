@@ -56,6 +56,8 @@ class Signal(str, Enum):
     """Stop if possible."""
     RED = "red"
     """Stop."""
+    OFF = "off"
+    """Dark or flashing: the light does not apply."""
 
 
 class StopCause(str, Enum):

@@ -73,7 +73,7 @@ impl LightStops {
                     let ahead_m = line_s_m - front_s_m;
                     held || self.stops_at_yellow(line_s_m, stamp, [ahead_m, speed_mps], brake_max_mps2)
                 }
-                Some(Signal::Green) => false,
+                Some(Signal::Green | Signal::Off) => false,
                 None => held,
             };
             stops.then_some(line_s_m)

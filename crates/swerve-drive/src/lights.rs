@@ -1,9 +1,9 @@
 //! Traffic light signals during a run.
 
-use swerve_core::{Span, Time};
+use swerve_core::Time;
 use swerve_eval::LightCourse;
 use swerve_geom::FrenetPoint;
-use swerve_msg::{Route, Signal};
+use swerve_msg::Route;
 use swerve_scenario::{Road, TrafficLight};
 
 /// Distance of a light from its stop line along the route, metres.
@@ -16,19 +16,13 @@ pub fn light_courses(road: &Road, route: &Route, until: Time) -> Vec<LightCourse
         let stop_s_m = road.stop_s_m(light, route)?;
         let (mut shows, mut at) = (Vec::new(), Time::ZERO);
         while at <= until {
-            let (signal, since) = light.phase(at);
-            shows.push((at, signal));
-            let length_s = match signal {
-                Signal::Green => light.cycle.green_s,
-                Signal::Yellow => light.cycle.yellow_s,
-                Signal::Red => light.cycle.red_s,
-            };
-            let next = at - since + Span::from_secs(length_s);
-            // An unchecked light may have no phases.
-            if next <= at {
-                break;
+            let signal = light.signal(at);
+            if shows.last().is_none_or(|(_, last)| *last != signal) {
+                shows.push((at, signal));
             }
-            at = next;
+            // An unchecked light may have no phases.
+            let Some(left) = light.phase_left(at) else { break };
+            at += left;
         }
         let FrenetPoint { s_m, d_m } = line.project_near(light.pose.point(), stop_s_m, BEHIND_LINE_M);
         Some(LightCourse { name: light.name.clone(), s_m, d_m, stop_s_m, shows })
@@ -38,6 +32,7 @@ pub fn light_courses(road: &Road, route: &Route, until: Time) -> Vec<LightCourse
 
 #[cfg(test)]
 mod tests {
+    use swerve_msg::Signal;
     use swerve_scenario::Scenario;
 
     use super::*;
@@ -54,5 +49,20 @@ mod tests {
             let at = Time::from_ms(ms);
             assert_eq!(course.signal(at), Some(scenario.road.lights[0].signal(at)), "{ms} ms");
         }
+    }
+
+    /// The ego arrives at red, which the program of SUMO's file shows from 38 to 58 s, and goes on at green.
+    #[test]
+    fn ego_waits_at_red_of_a_program_of_the_map() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../swerve-map-io/maps/way.toml");
+        let text = "name = \"way\"\n[map]\nfile = \"junction.net.xml\"\n[ego]\nstart = { lane = \"in_2\", s_m = 10.0 }\n\
+                    goal = { lane = \"out_0\", s_m = 30.0 }\ntarget_speed_mps = 2.0\n[end]\ntimeout_s = 120.0\n";
+        let scenario = Scenario::parse(file, text).unwrap();
+        let metrics = crate::drive(&swerve_stack::Setup::default(), &scenario).unwrap().metrics;
+        let (verdict, passed, duration_s) =
+            (metrics.verdict, metrics.red_lights_passed, metrics.duration_s);
+        assert_eq!((verdict, passed), (swerve_eval::Verdict::Completed, 0));
+        // 59 m at 2 m/s from the light, if it is left at 58 s.
+        assert!((58.0 + 20.0..58.0 + 40.0).contains(&duration_s), "{duration_s} s");
     }
 }

@@ -75,7 +75,7 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
     Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
 }
 
-/// Reads and checks the files named on a command line.
+/// Reads and checks the files named on a command line; reports the scenario's warnings on standard error.
 pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Scenario)> {
     let mut sets = parse_assignments(&input.set)?;
     if let Some(seed) = input.seed {
@@ -86,7 +86,11 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Sce
         .config(registry, &input.config, &of_config)
         .map_err(|problems| problems_error(&problems))?;
     input.code().apply(&mut config);
-    Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
+    let scenario = read_scenario_with(&input.scenario, &of_scenario)?;
+    for warning in scenario.warnings() {
+        tell(&format!("warning: {}: {warning}", input.scenario.display()));
+    }
+    Ok((config, scenario))
 }
 
 /// Reports on standard error, a line each, the keys of a command line and its files that have no effect.

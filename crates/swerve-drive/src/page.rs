@@ -13,7 +13,7 @@ use swerve_msg::Route;
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
 use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
-use swerve_scenario::{Cycle, Road, Scenario, TrafficLight};
+use swerve_scenario::{Aspect, Road, Scenario, TrafficLight};
 use swerve_stack::Assembly;
 use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
@@ -67,7 +67,11 @@ impl RunReport {
 
     fn of_config(config: &Setup, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
-            notes: trust::programs(config).iter().map(|line| format!("{line}.")).collect(),
+            notes: trust::programs(config)
+                .iter()
+                .chain(&scenario.warnings())
+                .map(|line| format!("{line}."))
+                .collect(),
             scenario: scenario.name.clone(),
             pipeline: config.pipeline_name(),
             seed: config.seed,
@@ -162,16 +166,28 @@ fn lights(road: &Road, route: &Route) -> Vec<Light> {
         let s_m = light.stop_s_m?;
         let ends = [route.left_m(s_m), -route.right_m(s_m)];
         let [left, right] = ends.map(|d_m| cm(route.unproject(FrenetPoint { s_m, d_m })));
-        let Cycle { green_s, yellow_s, red_s, offset_s } = light.cycle;
+        let phases: Vec<_> =
+            light.program.phases.iter().map(|phase| (name_of(phase.aspect), us(phase.duration_s))).collect();
+        let cycle: i64 = phases.iter().map(|phase| phase.1).sum();
         Some(Light {
             name: light.name.clone(),
             at: cm(light.pose.point()),
             stop: [left[0], left[1], right[0], right[1]],
-            phases: [green_s, yellow_s, red_s].map(us),
-            offset: us(offset_s),
+            offset: us(light.program.offset_s).rem_euclid(cycle.max(1)),
+            phases,
         })
     };
     road.lights.iter().filter_map(one).collect()
+}
+
+fn name_of(aspect: Aspect) -> &'static str {
+    match aspect {
+        Aspect::Green => "green",
+        Aspect::Yellow => "yellow",
+        Aspect::Red => "red",
+        Aspect::RedYellow => "red and yellow",
+        Aspect::Off => "off",
+    }
 }
 
 fn set_inputs(collector: &mut Collector, assembly: &Assembly) {

@@ -212,13 +212,13 @@ impl Outcome {
         self.front_s_m = now_m;
     }
 
-    /// Nearest light that is not green and whose stop line is just ahead of the ego.
+    /// Nearest light that holds traffic and whose stop line is just ahead of the ego.
     fn light_ahead(&self, world: &WorldState) -> Option<usize> {
         let front_s_m = self.front_s_m(world)?;
         let ahead = |light: &LightCourse| light.stop_s_m - front_s_m;
         let is_waited_for = |(_, light): &(usize, &LightCourse)| {
             (-BEYOND_LINE_M..=IN_THE_WAY_M).contains(&ahead(light))
-                && light.signal(world.stamp).is_some_and(|signal| signal != Signal::Green)
+                && light.signal(world.stamp).is_some_and(Signal::holds)
         };
         let waited_for = self.lights.iter().enumerate().filter(is_waited_for);
         waited_for.min_by(|a, b| ahead(a.1).total_cmp(&ahead(b.1))).map(|(k, _)| k)
@@ -372,7 +372,8 @@ pub(crate) mod tests {
     #[test]
     fn stop_line_passed_at_red_is_counted_once() {
         let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
-        for (signal, passed) in [(Signal::Red, 1), (Signal::Yellow, 0), (Signal::Green, 0)] {
+        for (signal, passed) in [(Signal::Red, 1), (Signal::Yellow, 0), (Signal::Green, 0), (Signal::Off, 0)]
+        {
             let route = Route::uniform(line.clone(), 6.0, 2.0);
             let mut outcome =
                 Outcome::new(EGO, Some(route), vec![light(100.0, signal), light(150.0, signal)]);
@@ -397,6 +398,7 @@ pub(crate) mod tests {
             (&light(96.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Stopped, Some("crossing")),
             (&light(96.0, Signal::Red), GateMode::Manual, false, 0.0, Verdict::Timeout, None),
             (&light(96.0, Signal::Green), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
+            (&light(96.0, Signal::Off), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
             (&light(91.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
             (&light(120.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
         ] {

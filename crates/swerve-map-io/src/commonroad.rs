@@ -75,7 +75,6 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
     let (heights_m, types, contents) = (lanelets.heights_m, lanelets.types.clone(), rules.counts());
     let (drafts, statements) = lanelets.resolved(&mut xml, root);
     let names = drafts.iter().map(|(id, draft)| (*id, draft.name.clone())).collect();
-    let step_s = xml.lenient(root, "timeStepSize");
     let made = if xml.faults() == 0 { assemble(&mut xml, drafts, root) } else { None };
     let made = made.and_then(|(map, gaps)| {
         let features = features::features(&map, &rules, &statements);
@@ -95,7 +94,7 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
         unknown,
     };
     lanes.names.retain(|lane, _| lanes.map.lane(*lane).is_some());
-    let Rules { lights, signs, .. } = rules;
+    let Rules { step_s, lights, signs, .. } = rules;
     Ok(Commonroad { lanes, step_s, lights, signs })
 }
 

@@ -1,6 +1,7 @@
 //! Maps of other programs: readers of ASAM OpenDRIVE 1.4 to 1.8, SUMO, Lanelet2 and CommonRoad.
 //!
-//! [`MapFile`] is a map of any format with the names of its file, for scenarios.
+//! [`MapFile`] is a map of any format with the names of its file, for scenarios, and [`slope`] the grade and bank of its
+//! lanes.
 //!
 //! [`sumo`], [`lanelet2`] and [`commonroad`] make a [`lane_map::LaneMap`] of a file: the [`swerve_map::Map`] with the
 //! names of the file. [`mod@format`] finds the format, [`overview`] and [`picture::lanes`] are the output of `swerve map show`
@@ -39,12 +40,15 @@ pub mod lane_map;
 pub mod lanelet2;
 pub mod links;
 mod map_file;
+#[cfg(test)]
+mod mutated;
 pub mod opendrive;
 pub mod overview;
 pub mod picture;
 pub mod points;
 mod problem;
 pub mod route;
+pub mod slope;
 mod strip;
 pub mod summary;
 pub mod sumo;

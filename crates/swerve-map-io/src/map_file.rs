@@ -13,6 +13,7 @@ use crate::import::{LaneSource, import};
 use crate::lane_map::LaneMap;
 use crate::links::Links;
 use crate::opendrive::Network;
+use crate::slope::Slopes;
 use crate::{lanelet2, route, sumo};
 
 /// A map read from a file of any format.
@@ -28,8 +29,8 @@ pub struct MapFile {
 enum Names {
     /// Roads, lane sections and lanes of OpenDRIVE.
     Roads(Box<Network>, Vec<LaneSource>),
-    /// Names of lanes.
-    Lanes(BTreeMap<LaneId, String>),
+    /// Names of lanes, and the lowest and highest z of the file, metres.
+    Lanes(BTreeMap<LaneId, String>, Option<[f64; 2]>),
 }
 
 impl MapFile {
@@ -44,8 +45,8 @@ impl MapFile {
             Format::Lanelet2 => lanelet2::read(file, text).map(|read| read.lanes),
             Format::Sumo => sumo::read(file, text).map(|read| read.lanes),
         };
-        let LaneMap { map, names, .. } = lanes.map_err(|problems| problems.to_string())?;
-        Ok(Self { map: Arc::new(map), names: Names::Lanes(names) })
+        let LaneMap { map, names, heights_m, .. } = lanes.map_err(|problems| problems.to_string())?;
+        Ok(Self { map: Arc::new(map), names: Names::Lanes(names, heights_m) })
     }
 
     fn of_network(file: &str, text: &str) -> Result<Self, String> {
@@ -67,7 +68,7 @@ impl MapFile {
                 let name = |source: &LaneSource| route::source_name(network, *source);
                 lanes.get(lane.0 as usize).map_or_else(String::new, name)
             }
-            Names::Lanes(names) => names.get(&lane).cloned().unwrap_or_default(),
+            Names::Lanes(names, _) => names.get(&lane).cloned().unwrap_or_default(),
         }
     }
 
@@ -80,7 +81,7 @@ impl MapFile {
             Names::Roads(network, lanes) => {
                 route::stop_on_road(network, (&self.map, lanes), (road, lane, s_m))
             }
-            Names::Lanes(_) => Err("the map has no roads: expected the name of a lane".to_owned()),
+            Names::Lanes(..) => Err("the map has no roads: expected the name of a lane".to_owned()),
         }
     }
 
@@ -90,10 +91,30 @@ impl MapFile {
     /// If the file has no such lane, it is of another kind, or shorter.
     pub fn on_lane(&self, name: &str, s_m: f64) -> Result<Stop, String> {
         match &self.names {
-            Names::Lanes(names) => route::stop_on_named(&self.map, names, name, s_m),
+            Names::Lanes(names, _) => route::stop_on_named(&self.map, names, name, s_m),
             Names::Roads(..) => {
                 Err("lanes of OpenDRIVE have no names: expected road, lane and s_m".to_owned())
             }
+        }
+    }
+
+    /// Largest slopes of parts of lanes, each between two arc lengths. Of OpenDRIVE only: other maps have no heights.
+    pub fn slopes(&self, parts: impl IntoIterator<Item = (LaneId, [f64; 2])>) -> Slopes {
+        let mut slopes = Slopes::default();
+        let Names::Roads(network, lanes) = &self.names else { return slopes };
+        for (id, part_m) in parts {
+            let (Some(source), Some(lane)) = (lanes.get(id.0 as usize), self.map.lane(id)) else { continue };
+            let length_m = lane.line.length();
+            slopes.add(network, source, part_m.map(|s_m| (s_m / length_m).clamp(0.0, 1.0)));
+        }
+        slopes
+    }
+
+    /// Lowest and highest z of a file whose slopes are unknown, metres.
+    pub fn heights_m(&self) -> Option<[f64; 2]> {
+        match &self.names {
+            Names::Roads(..) => None,
+            Names::Lanes(_, heights_m) => *heights_m,
         }
     }
 

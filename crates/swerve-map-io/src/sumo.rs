@@ -15,9 +15,10 @@
 //! that cars must not leave by `changeLeft` or `changeRight`. Other marks are unknown.
 //!
 //! **Rules.** A traffic light is a signal for each of its links, at the end of the lane that leads into the junction,
-//! because the file has no positions. Its stop line is at the start of the lane inside the junction, so that the lanes
-//! of a route have exactly the lines that hold for it. So are the lines of links that stop or give way. Rights of way
-//! are the `response` bits of a junction's requests.
+//! because the file has no positions. It has the phases of its link in the last program of the light, if that is static.
+//! Its stop line is at the start of the lane inside the junction, so that the lanes of a route have exactly the lines
+//! that hold for it. So are the lines of links that stop or give way. Rights of way are the `response` bits of a
+//! junction's requests.
 //!
 //! **Source.** SUMO's documentation, "SUMO Road Networks", and its readers `NLHandler` and `NIImporter_SUMO`.
 
@@ -68,8 +69,10 @@ pub struct Program {
     pub program: String,
     /// Type, such as `static` or `actuated`.
     pub kind: String,
-    /// Time by which the cycle is shifted, seconds.
+    /// Start of the first phase, seconds.
     pub offset_s: f64,
+    /// True if the phases take their durations one after the other: type `static`, and no phase with `next`.
+    pub is_fixed: bool,
     /// Phases in order; the cycle repeats.
     pub phases: Vec<Phase>,
     /// Signal in the map of each link; `None` for links that the file does not use.
@@ -81,8 +84,8 @@ pub struct Program {
 pub struct Phase {
     /// Duration, seconds; of an actuated light, without vehicles that extend it.
     pub duration_s: f64,
-    /// State of each link: `r` red, `y` yellow, `g` green that gives way, `G` green with priority, `s` green right arrow
-    /// after a stop, `u` red and yellow, `o` off blinking, `O` off.
+    /// State of each link: `r` red, `y` `Y` yellow, `g` green that gives way, `G` green with priority, `s` green right
+    /// arrow after a stop, `u` red and yellow, `o` off blinking, `O` off.
     pub states: String,
 }
 
@@ -126,15 +129,20 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     }
     let connections: Vec<_> =
         named("connection").filter_map(|at| connections::read(xml, at, &edges)).collect();
-    let programs: Vec<_> = named("tlLogic").map(|at| (at, rules::program(xml, at))).collect();
+    let mut programs: Vec<_> = named("tlLogic").map(|at| (at, rules::program(xml, at))).collect();
     let junctions = junctions::junctions(xml, named("junction"), &edges);
     if xml.faults() > 0 {
         return None;
     }
     edges.neighbours(xml);
     let gaps = connections::join(&mut edges, &connections);
-    let lights = rules::lights(&edges, &connections);
-    let programs = rules::with_signals(xml, programs, &lights);
+    let mut lights = rules::lights(&edges, &connections);
+    rules::set_signals(xml, &mut programs, &lights);
+    lights.set_programs(xml, &programs);
+    if xml.faults() > 0 {
+        return None;
+    }
+    let programs: Vec<Program> = programs.into_iter().map(|(_, program)| program).collect();
     let stop_lines = rules::stop_lines(&edges, &connections, &lights);
     let signals = lights.into_signals();
     let Edges { lanes, names, sources, crossings, areas, types, left_out, heights_m, edges, .. } = edges;

@@ -268,7 +268,7 @@ impl Reader {
             self.missing(of, name);
             return None;
         };
-        let value = text.trim().parse::<i32>().ok().filter(|value| value.abs() < 1_000_000);
+        let value = text.trim().parse::<i32>().ok().filter(|value| value.unsigned_abs() < 1_000_000);
         if value.is_none() {
             self.fault_in(of, name, || format!("expected a whole number, found {}", quoted(text)));
         }

@@ -5,7 +5,9 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_geom::Point2;
 
-use crate::{Area, Crossing, Junction, Lane, LaneId, Signal, SignalId, StopLine};
+use crate::{
+    Area, Crossing, Junction, Lane, LaneId, ProgramError, Signal, SignalId, SignalProgram, StopLine,
+};
 
 /// Elements of a map beside its lanes.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -98,6 +100,14 @@ pub enum FeatureError {
     /// Coordinates are NaN or infinite.
     #[error("{0} has coordinates that are not finite")]
     NotFinite(Feature),
+    /// The phases of a signal are inconsistent.
+    #[error("{feature}: {error}")]
+    Program {
+        /// The signal.
+        feature: Feature,
+        /// Problem of its phases.
+        error: ProgramError,
+    },
     /// An outline has too few corners.
     #[error("{feature} has {corners} corners, expected at least 3")]
     Corners {
@@ -158,6 +168,8 @@ impl Features {
             if !numbers.iter().all(|number| number.is_finite()) {
                 return Err(FeatureError::NotFinite(feature));
             }
+            let program = signal.program.as_ref().map_or(Ok(()), SignalProgram::check);
+            program.map_err(|error| FeatureError::Program { feature, error })?;
         }
         self.stop_lines.iter().try_for_each(|line| self.check_stop_line(line, lanes))?;
         for crossing in &self.crossings {

@@ -91,7 +91,7 @@ struct Grid {
 
 impl Grid {
     fn new(low: Point2, high: Point2, cell_m: f64) -> Self {
-        let count = |extent_m: f64| (extent_m / cell_m).floor() as usize + 1;
+        let count = |extent_m: f64| ((extent_m / cell_m).floor() as usize).saturating_add(1);
         Self {
             low,
             cell_m,

@@ -107,17 +107,24 @@ pub enum Signal {
     Yellow,
     /// Stop.
     Red,
+    /// Dark or flashing: the light does not apply.
+    Off,
 }
 
 impl Signal {
-    /// Name: `green`, `yellow` or `red`.
+    /// Name: `green`, `yellow`, `red` or `off`.
     pub fn name(self) -> &'static str {
-        ["green", "yellow", "red"][self as usize]
+        ["green", "yellow", "red", "off"][self as usize]
+    }
+
+    /// Returns true if traffic waits at it.
+    pub fn holds(self) -> bool {
+        matches!(self, Self::Yellow | Self::Red)
     }
 
     /// Colour in pictures, sRGB.
     pub fn rgb(self) -> [u8; 3] {
-        [[40, 230, 90], [255, 200, 40], [255, 60, 50]][self as usize]
+        [[40, 230, 90], [255, 200, 40], [255, 60, 50], [150; 3]][self as usize]
     }
 }
 

@@ -178,12 +178,12 @@ class Player {
     if (road.lane > 0) for (const d of [-0.5, 0.5]) pen.line(beside(road.line, d * road.lane), { stroke: colour("lane"), width: 1.5, dash: [8, 8] });
   }
 
-  /** A stop line and the three lamps of its light, the one that burns filled and named. */
+  /** A stop line and the three lamps of its light, the ones that burn filled and named. */
   drawLight(pen, light, t) {
     pen.line(light.stop, { stroke: colour("ink"), width: 3 });
     const signal = signalAt(light, t);
     const [x, y] = light.at.map((cm) => cm / 100);
-    ["red", "yellow", "green"].forEach((name, k) => pen.lamp(x, y, 11 * (1 - k), LAMPS[name], name === signal));
+    ["red", "yellow", "green"].forEach((name, k) => pen.lamp(x, y, 11 * (1 - k), LAMPS[name], signal.split(" and ").includes(name)));
     if (this.shown.names) pen.text(x, y, 24, `${light.name}: ${signal}`);
   }
 
@@ -260,9 +260,9 @@ class Player {
 const LAMPS = { red: "#c8102e", yellow: "#f2b705", green: "#00a36c" };
 
 /** What a traffic light shows: each phase holds its first instant and not its last. */
-function signalAt({ phases: [green, yellow, red], offset }, t) {
-  const into = (t + offset) % Math.max(green + yellow + red, 1);
-  return into < green ? "green" : into < green + yellow ? "yellow" : "red";
+function signalAt({ phases, offset }, t) {
+  let into = (t + offset) % Math.max(phases.reduce((sum, [, length]) => sum + length, 0), 1);
+  return phases.find(([, length]) => (into -= length) < 0)?.[0] ?? "off";
 }
 
 /** A line that goes along another, `d` centimetres to its left. */

@@ -74,7 +74,7 @@
 //! file = "crossing.xodr"                              # OpenDRIVE, Lanelet2, CommonRoad or SUMO; from this file's folder
 //! friction = 0.9                                      # ?
 //!
-//! [[map.light]]                                       # ? phases of signals of the map; the others are off
+//! [[map.light]]                                       # ? phases of signals of the map, in place of the file's
 //! controller = "north_south"                          # or signals = ["light_north", "light_south"]
 //! green_s = 12.0                                      # and yellow_s and offset_s, as for lights of a road
 //! red_s = 10.0
@@ -115,6 +115,7 @@ pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill,
     Subject, Trigger,
 };
-pub use road::{Closure, Course, Cycle, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
+pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
+pub use swerve_map::{Aspect, SignalPhase, SignalProgram};
 pub use swerve_msg::truth::Verdict;

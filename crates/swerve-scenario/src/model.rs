@@ -4,7 +4,7 @@ use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
-use crate::{Expectation, Road, Verdict};
+use crate::{Course, Expectation, Road, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug)]
@@ -250,6 +250,15 @@ impl Scenario {
             _ => None,
         };
         self.expect.iter().filter_map(told).collect()
+    }
+
+    /// Facts in which a drive differs from the world that the scenario describes.
+    pub fn warnings(&self) -> Vec<String> {
+        let warning = match &self.road.course {
+            Course::Strip(_) => None,
+            Course::Map(course) => course.warning.as_ref(),
+        };
+        warning.map(|message| format!("map.file: {message}")).into_iter().collect()
     }
 
     /// The actor with this identity.

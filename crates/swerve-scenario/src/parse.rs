@@ -12,7 +12,9 @@ use swerve_msg::ActorId;
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
 use crate::model::on_road;
-use crate::{Course, Cycle, EgoStart, End, Road, Scenario, Segment, Standstill, Strip, TrafficLight, check};
+use crate::{
+    Course, EgoStart, End, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight, check,
+};
 
 /// Positions along and across the road, metres.
 const PLACE: Range = Range::between(-100_000.0, 100_000.0);
@@ -145,7 +147,7 @@ fn on_map(top: &TableReader<'_>, text: Option<&Arc<str>>) -> (Road, EgoStart, Op
     table.finish();
     let lights = loaded.lights(&course.route);
     let friction = loaded.friction;
-    let on = loaded.on(course);
+    let on = loaded.on(top, course);
     let road = Road { course: Course::Map(Arc::new(on)), friction, lights };
     (road, ego, Some(loaded))
 }
@@ -196,33 +198,30 @@ fn lights(table: &TableReader<'_>, strip: &Strip) -> Vec<TrafficLight> {
         let s_m = table.number_or("s_m", stop_s_m + LIGHT_BEHIND_STOP_M, PLACE);
         let d_m = table.number_or("d_m", -(strip.right_m + LIGHT_BESIDE_ROAD_M), PLACE);
         let pose = line.as_ref().map_or(Pose2::new(0.0, 0.0, 0.0), |line| on_road(line, s_m, d_m, 0.0));
-        let light = TrafficLight {
-            name: name.clone(),
-            pose,
-            stop_s_m: Some(stop_s_m),
-            signal: None,
-            cycle: cycle(table),
-        };
+        let program = program(table);
+        let stop_s_m = Some(stop_s_m);
+        let light = TrafficLight { name: name.clone(), pose, stop_s_m, signal: None, program };
         table.finish();
         light
     };
     tables.iter().zip(&names).map(read).collect()
 }
 
-/// Durations of the signals of a light.
-fn cycle(table: &TableReader<'_>) -> Cycle {
+/// Durations of green, yellow and red of a light.
+fn program(table: &TableReader<'_>) -> SignalProgram {
     let guesses = table.reading().guesses();
-    let cycle = Cycle {
-        green_s: table.number("green_s", DURATION),
-        yellow_s: table.number_or("yellow_s", 3.0, Range::between(0.0, 3_600.0)),
-        red_s: table.number("red_s", DURATION),
-        offset_s: table.number_or("offset_s", 0.0, Range::between(0.0, 86_400.0)),
-    };
-    let (cycle_s, offset_s) = (cycle.green_s + cycle.yellow_s + cycle.red_s, cycle.offset_s);
+    let durations_s = [
+        table.number("green_s", DURATION),
+        table.number_or("yellow_s", 3.0, Range::between(0.0, 3_600.0)),
+        table.number("red_s", DURATION),
+    ];
+    let offset_s = table.number_or("offset_s", 0.0, Range::between(0.0, 86_400.0));
+    let program = SignalProgram::green_yellow_red(durations_s, offset_s);
+    let cycle_s = program.cycle_s();
     if table.reading().guesses() == guesses && offset_s >= cycle_s {
         table.report("offset_s", format!("an offset of {offset_s} s is not within the cycle of {cycle_s} s"));
     }
-    cycle
+    program
 }
 
 /// Values after a problem.

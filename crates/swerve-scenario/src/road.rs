@@ -3,7 +3,9 @@ use std::sync::Arc;
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, math};
 use swerve_map::router::{Navigator, Stop};
-use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour, SignalId};
+use swerve_map::{
+    Aspect, Borders, Lane, LaneId, LaneKind, Map, Neighbour, SignalId, SignalPhase, SignalProgram,
+};
 use swerve_msg::{Route, Side, Signal};
 
 use crate::RoadLines;
@@ -50,7 +52,7 @@ pub struct Segment {
     pub curvature_1pm: f64,
 }
 
-/// A traffic light. It cycles through green, yellow and red.
+/// A traffic light.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TrafficLight {
     /// Unique name.
@@ -61,42 +63,67 @@ pub struct TrafficLight {
     pub stop_s_m: Option<f64>,
     /// The signal of the map; `None` without a map.
     pub signal: Option<SignalId>,
-    /// Durations of its signals.
-    pub cycle: Cycle,
-}
-
-/// Durations of the signals of a traffic light.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Cycle {
-    /// Duration of green, seconds.
-    pub green_s: f64,
-    /// Duration of yellow, seconds.
-    pub yellow_s: f64,
-    /// Duration of red, seconds.
-    pub red_s: f64,
-    /// Time into the cycle, which begins with green, at the start of the run, seconds.
-    pub offset_s: f64,
+    /// Its phases, from the start of the run.
+    pub program: SignalProgram,
 }
 
 impl TrafficLight {
-    /// Signal at `instant`. Each phase includes its first instant and excludes its end, to the nanosecond.
-    pub fn signal(&self, instant: Time) -> Signal {
-        self.phase(instant).0
+    /// Aspect at `instant`. Each phase includes its first instant and excludes its end, to the nanosecond.
+    pub fn aspect(&self, instant: Time) -> Aspect {
+        // A checked light has a cycle; an unchecked one without durations stays red.
+        self.place(instant).map_or(Aspect::Red, |(k, ..)| self.program.phases[k].aspect)
     }
 
-    /// Signal at `instant`, and the time since it changed.
+    /// Signal at `instant`: that of its [`aspect`](Self::aspect).
+    pub fn signal(&self, instant: Time) -> Signal {
+        signal_of(self.aspect(instant))
+    }
+
+    /// Signal at `instant`, and the time since it changed, at most a cycle.
     pub fn phase(&self, instant: Time) -> (Signal, Span) {
-        let Cycle { green_s, yellow_s, red_s, offset_s } = self.cycle;
-        let [green, yellow, red] = [green_s, yellow_s, red_s].map(|s| Span::from_secs(s).ns());
-        // A checked light has a cycle; an unchecked one without durations stays red.
-        let cycle = (green + yellow + red).max(1);
-        let into = (instant.ns() + Span::from_secs(offset_s).ns()).rem_euclid(cycle);
-        let (signal, since) = match into {
-            t if t < green => (Signal::Green, t),
-            t if t < green + yellow => (Signal::Yellow, t - green),
-            t => (Signal::Red, t - green - yellow),
-        };
-        (signal, Span::from_ns(since))
+        let Some((k, mut since, _)) = self.place(instant) else { return (Signal::Red, Span::ZERO) };
+        let phases = &self.program.phases;
+        let signal = signal_of(phases[k].aspect);
+        let before = phases[..k].iter().rev().chain(phases[k + 1..].iter().rev());
+        let before = before.filter(|phase| length(phase) > Span::ZERO);
+        for phase in before.take_while(|phase| signal_of(phase.aspect) == signal) {
+            since += length(phase);
+        }
+        (signal, since)
+    }
+
+    /// Time from `instant` to the end of the phase; `None` without phases.
+    pub fn phase_left(&self, instant: Time) -> Option<Span> {
+        self.place(instant).map(|(_, _, left)| left)
+    }
+
+    /// Index of the phase at `instant`, the time into it, and the time to its end.
+    fn place(&self, instant: Time) -> Option<(usize, Span, Span)> {
+        let SignalProgram { phases, offset_s } = &self.program;
+        let cycle: i64 = phases.iter().map(|phase| length(phase).ns()).sum();
+        let mut into = (instant.ns() + Span::from_secs(*offset_s).ns()).rem_euclid(cycle.max(1));
+        for (k, phase) in phases.iter().enumerate() {
+            let length = length(phase).ns();
+            if into < length {
+                return Some((k, Span::from_ns(into), Span::from_ns(length - into)));
+            }
+            into -= length;
+        }
+        None
+    }
+}
+
+fn length(phase: &SignalPhase) -> Span {
+    Span::from_secs(phase.duration_s)
+}
+
+/// Signal that drivers take an aspect for.
+fn signal_of(aspect: Aspect) -> Signal {
+    match aspect {
+        Aspect::Green => Signal::Green,
+        Aspect::Yellow => Signal::Yellow,
+        Aspect::Red | Aspect::RedYellow => Signal::Red,
+        Aspect::Off => Signal::Off,
     }
 }
 
@@ -115,6 +142,8 @@ pub struct MapCourse {
     pub stops: Vec<Stop>,
     /// Places that are closed to traffic, and reported to be.
     pub closures: Vec<Closure>,
+    /// Slopes on the way that driving on the flat projection neglects; `None` where these are small.
+    pub warning: Option<String>,
 }
 
 /// A place on a lane that is closed to traffic.
@@ -449,9 +478,12 @@ mod tests {
             pose: Pose2::new(50.0, -3.0, 0.0),
             stop_s_m: Some(48.0),
             signal: None,
-            cycle: Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 7.0, offset_s: 0.0 },
+            program: SignalProgram::green_yellow_red([10.0, 3.0, 7.0], 0.0),
         };
-        let with = |cycle: Cycle| TrafficLight { cycle, ..light.clone() };
+        let with = |durations_s, offset_s| {
+            let program = SignalProgram::green_yellow_red(durations_s, offset_s);
+            TrafficLight { program, ..light.clone() }
+        };
         let at = |light: &TrafficLight, s: f64, ns: i64| {
             light.signal(Time::ZERO + Span::from_secs(s) + Span::from_ns(ns))
         };
@@ -463,11 +495,34 @@ mod tests {
             assert_eq!((at(&light, s + 20.0, -1), at(&light, s + 20.0, 0)), (Signal::Red, Signal::Green));
         }
         assert_eq!(light.phase(Time::from_ms(15_500)), (Signal::Red, Span::from_ms(2500)));
-        let late = with(Cycle { offset_s: 12.0, ..light.cycle });
+        let late = with([10.0, 3.0, 7.0], 12.0);
         assert_eq!(late.phase(Time::ZERO), (Signal::Yellow, Span::from_ms(2000)));
         assert_eq!(late.phase(Time::from_ms(1000)), (Signal::Red, Span::ZERO));
-        let no_yellow = with(Cycle { yellow_s: 0.0, ..light.cycle });
+        let no_yellow = with([10.0, 0.0, 7.0], 0.0);
         assert_eq!((at(&no_yellow, 10.0, -1), at(&no_yellow, 10.0, 0)), (Signal::Green, Signal::Red));
+        assert_eq!(no_yellow.phase(Time::from_ms(12_000)), (Signal::Red, Span::from_ms(2000)));
+        // Into the cycle by a negative offset.
+        assert_eq!(with([10.0, 3.0, 7.0], -7.0).phase(Time::ZERO), (Signal::Red, Span::ZERO));
+        let none = with([0.0; 3], 0.0);
+        assert_eq!((none.phase(Time::ZERO), none.phase_left(Time::ZERO)), ((Signal::Red, Span::ZERO), None));
+    }
+
+    #[test]
+    fn red_and_yellow_counts_as_red_and_off_as_neither() {
+        let mut program = SignalProgram::default();
+        let aspects = [Aspect::RedYellow, Aspect::Green, Aspect::Off, Aspect::Red];
+        for (aspect, duration_s) in aspects.into_iter().zip([1.0, 10.0, 5.0, 4.0]) {
+            program.push(aspect, duration_s);
+        }
+        let light =
+            TrafficLight { name: String::new(), pose: Pose2::new(0.0, 0.0, 0.0), stop_s_m: None, program };
+        let at = |ms: i64| (light.phase(Time::from_ms(ms)), light.aspect(Time::from_ms(ms)));
+        // Red since 4 s before the cycle begins.
+        assert_eq!(at(0), ((Signal::Red, Span::from_ms(4000)), Aspect::RedYellow));
+        assert_eq!(at(1000), ((Signal::Green, Span::ZERO), Aspect::Green));
+        assert_eq!(at(12_000), ((Signal::Off, Span::from_ms(1000)), Aspect::Off));
+        assert_eq!(at(20_500), ((Signal::Red, Span::from_ms(4500)), Aspect::RedYellow));
+        assert_eq!(light.phase_left(Time::from_ms(12_000)), Some(Span::from_ms(4000)));
     }
 
     #[test]

@@ -15,7 +15,7 @@ use swerve_core::Rng;
 use swerve_geom::{Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorId, ActorKind, Signal};
-use swerve_scenario::{Course, PAVEMENT_M, Scenario, Strip, TrafficLight};
+use swerve_scenario::{Aspect, Course, PAVEMENT_M, Scenario, Strip, TrafficLight};
 use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, add_map, lamps,
     road_pieces, walk_phase,
@@ -89,12 +89,15 @@ impl Street {
         instance.motion = motion_of(ego);
         put_vehicle(scene, instance, self.ego);
         for (light, switch) in &self.lights {
-            let lamp = match switch.signal(world.stamp) {
-                Signal::Green => lamps::GREEN,
-                Signal::Yellow => lamps::YELLOW,
-                Signal::Red => lamps::RED,
+            let lamps: &[u8] = match switch.aspect(world.stamp) {
+                Aspect::Green => &[lamps::GREEN],
+                Aspect::Yellow => &[lamps::YELLOW],
+                Aspect::Red => &[lamps::RED],
+                Aspect::RedYellow => &[lamps::RED, lamps::YELLOW],
+                Aspect::Off => &[],
             };
-            scene.dynamics.push(Instance { look: light.look.with_lamp(lamp, true), ..*light });
+            let look = lamps.iter().fold(light.look, |look, lamp| look.with_lamp(*lamp, true));
+            scene.dynamics.push(Instance { look, ..*light });
         }
         for actor in &world.actors {
             put(scene, actor, self.actors.get(&actor.id).copied().unwrap_or((0, actor.pose.point())));

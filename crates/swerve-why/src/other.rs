@@ -167,7 +167,7 @@ impl<'a> Way<'a> {
         for &(light, from, until) in &waits {
             let light = &self.lights[light];
             let turned = light.shows.iter().rev().filter(|(at, _)| *at <= from.stamp);
-            let turned = turned.take_while(|(_, signal)| *signal != Signal::Green).last();
+            let turned = turned.take_while(|(_, signal)| signal.holds()).last();
             let name = &light.name;
             steps.extend(turned.map(|(at, _)| (Milestone::Light, *at, "driving".into())));
             steps.push((Milestone::Standstill, from.stamp, format!("driving up to the line of {name}")));
@@ -230,7 +230,7 @@ impl<'a> Way<'a> {
             let is_at = |light: &LightCourse| {
                 let ahead_m = light.stop_s_m - self.front_s_m[from];
                 (-BEYOND_LINE_M..=BEFORE_LINE_M).contains(&ahead_m)
-                    && light.signal(first.stamp).is_some_and(|signal| signal != Signal::Green)
+                    && light.signal(first.stamp).is_some_and(Signal::holds)
             };
             let light = self.lights.iter().position(is_at);
             let is_long = until.is_none_or(|until| until - first.stamp >= STANDS);

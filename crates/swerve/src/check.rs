@@ -129,6 +129,8 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
                 // Not a problem: old names of verdicts are still accepted.
                 let old = scenario.old_verdicts();
                 old.iter().for_each(|old| tell(&format!("note: {}: {old}", path.display())));
+                let warnings = scenario.warnings();
+                warnings.iter().for_each(|one| tell(&format!("warning: {}: {one}", path.display())));
                 Vec::new()
             }
             Err(error) => error.to_string().lines().map(str::to_owned).collect(),

@@ -55,6 +55,15 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
 }
 
 #[test]
+fn light_that_goes_off_does_not_hold() {
+    let mut lines = LightStops::new(FollowRouteParams::default());
+    for (signal, is_held) in [(Signal::Off, false), (Signal::Red, true), (Signal::Off, false)] {
+        lines.hold(&shows(0, signal), [250.0, 8.0], full_mps2());
+        assert_eq!(!lines.held.is_empty(), is_held, "{signal:?}");
+    }
+}
+
+#[test]
 fn red_holds_until_green_and_where_full_brake_suffices() {
     let full_m = 14.0 * 14.0 / (2.0 * full_mps2());
     let held = |ahead_m: f64| {

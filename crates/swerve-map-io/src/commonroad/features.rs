@@ -63,7 +63,7 @@ pub(super) fn features(map: &Map, rules: &Rules, statements: &Statements) -> Fea
     }
     let signals = rules.lights.iter().filter_map(|light| {
         let lanes: Vec<LaneId> = lanes.get(&light.id).into_iter().flatten().copied().collect();
-        signal(map, light, lanes)
+        signal(map, light, (lanes, rules.step_s))
     });
     let signals: Vec<Signal> = signals.collect();
     let known: BTreeSet<SignalId> = signals.iter().map(|signal| signal.id).collect();
@@ -101,7 +101,7 @@ fn stop_line(map: &Map, stop: &Stop) -> Option<StopLine> {
 
 /// A light at its position in the file, or at the end of the first lane that obeys it; it shines against the traffic of
 /// that lane. `None` if it has neither.
-fn signal(map: &Map, light: &Light, lanes: Vec<LaneId>) -> Option<Signal> {
+fn signal(map: &Map, light: &Light, (lanes, step_s): (Vec<LaneId>, Option<f64>)) -> Option<Signal> {
     let first = lanes.first().and_then(|lane| map.lane(*lane));
     let end = first.map(|Lane { line, .. }| line.at(line.length()).pose);
     let of_file = light.position_m.map(|[x, y, _]| Point2::new(x, y));
@@ -113,6 +113,7 @@ fn signal(map: &Map, light: &Light, lanes: Vec<LaneId>) -> Option<Signal> {
         height_m: light.position_m.map(|[_, _, z]| z).filter(|z| *z != 0.0),
         lanes,
         controller: None,
+        program: step_s.and_then(|step_s| light.program(step_s)),
     })
 }
 

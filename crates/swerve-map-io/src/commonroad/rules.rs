@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use swerve_map::{LaneId, StopSign};
+use swerve_map::{Aspect, LaneId, SignalProgram, StopSign};
 
 use crate::content::{all, child, content};
 use crate::problem::quoted;
-use crate::xml::{Element, Reader};
+use crate::xml::{Element, Reader, number};
 
 /// Identities of signs with a speed limit, by country; their value is in m/s.
 const LIMITS: [&str; 12] = [
@@ -28,8 +28,14 @@ const LIMITS: [&str; 12] = [
 const STOPS: [(&str, StopSign); 4] =
     [("206", StopSign::Stop), ("205", StopSign::Yield), ("R1-1", StopSign::Stop), ("R1-2", StopSign::Yield)];
 
-/// Colours of a light.
-const COLORS: [&str; 5] = ["red", "yellow", "redYellow", "green", "inactive"];
+/// Colours of a light, with their aspects.
+const COLORS: [(&str, Aspect); 5] = [
+    ("red", Aspect::Red),
+    ("yellow", Aspect::Yellow),
+    ("redYellow", Aspect::RedYellow),
+    ("green", Aspect::Green),
+    ("inactive", Aspect::Off),
+];
 
 /// A traffic light.
 #[derive(Clone, PartialEq, Debug)]
@@ -56,10 +62,10 @@ pub struct Cycle {
 }
 
 /// A phase of a light.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Phase {
-    /// Colour: `red`, `yellow`, `redYellow`, `green` or `inactive`.
-    pub color: String,
+    /// Its colour; `inactive` is off.
+    pub aspect: Aspect,
     /// Duration, time steps.
     pub steps: u32,
 }
@@ -92,6 +98,8 @@ pub(super) struct Intersection {
 
 /// Rules of a file.
 pub(super) struct Rules {
+    /// Duration of a time step, seconds.
+    pub(super) step_s: Option<f64>,
     pub(super) lights: Vec<Light>,
     pub(super) signs: Vec<Sign>,
     pub(super) intersections: Vec<Intersection>,
@@ -101,9 +109,23 @@ pub(super) struct Rules {
 
 impl Rules {
     pub(super) fn read(xml: &mut Reader, root: Element<'_>) -> Self {
+        let has_cycles = all(root, "trafficLight").any(|light| child(light, "cycle").is_some());
+        let step_s = match root.attribute("timeStepSize").map(number) {
+            Some(Ok(step_s)) => Some(step_s),
+            Some(Err(message)) if has_cycles => {
+                xml.fault_in(root, "timeStepSize", || message);
+                None
+            }
+            None if has_cycles => {
+                xml.missing(root, "timeStepSize");
+                None
+            }
+            _ => xml.lenient(root, "timeStepSize"),
+        };
         let signs: Vec<Sign> = all(root, "trafficSign").filter_map(|at| sign(xml, at)).collect();
-        let lights: Vec<Light> = all(root, "trafficLight").filter_map(|at| light(xml, at)).collect();
+        let lights: Vec<Light> = all(root, "trafficLight").filter_map(|at| light(xml, at, step_s)).collect();
         Self {
+            step_s,
             light_ids: lights.iter().map(|light| light.id).collect(),
             lights,
             intersections: all(root, "intersection").filter_map(|at| intersection(xml, at)).collect(),
@@ -171,39 +193,68 @@ fn sign(xml: &mut Reader, at: Element<'_>) -> Option<Sign> {
     Some(Sign { id, kinds, speed_limit_mps, stop, position_m: position(xml, at) })
 }
 
-fn light(xml: &mut Reader, at: Element<'_>) -> Option<Light> {
+fn light(xml: &mut Reader, at: Element<'_>, step_s: Option<f64>) -> Option<Light> {
     let id = xml.identity(at, "id")?;
-    let cycle = child(at, "cycle").map(|cycle| {
-        let phases = all(cycle, "cycleElement")
-            .map(|phase| Phase { color: color(xml, phase), steps: steps(xml, phase, "duration") });
-        Cycle { phases: phases.collect(), offset_steps: steps(xml, cycle, "timeOffset") }
+    let cycle_at = child(at, "cycle");
+    let cycle = cycle_at.map(|cycle| {
+        let phases = all(cycle, "cycleElement").filter_map(|phase| {
+            Some(Phase { aspect: color(xml, phase)?, steps: steps(xml, phase, "duration")? })
+        });
+        let phases = phases.collect();
+        let offset_steps = child(cycle, "timeOffset").and_then(|_| steps(xml, cycle, "timeOffset"));
+        Cycle { phases, offset_steps: offset_steps.unwrap_or_default() }
     });
-    Some(Light {
+    let light = Light {
         id,
         position_m: position(xml, at),
         direction: child(at, "direction").map(content).unwrap_or_default().to_owned(),
         active: child(at, "active").is_none_or(|active| content(active) != "false"),
         cycle,
-    })
-}
-
-fn color(xml: &mut Reader, phase: Element<'_>) -> String {
-    let name = child(phase, "color").map(content).unwrap_or_default();
-    if !COLORS.contains(&name) {
-        xml.defect(phase, || {
-            format!("`color`: expected one of {}, found {}", COLORS.join(", "), quoted(name))
-        });
+    };
+    if let (Some(at), Some(cycle), Some(step_s)) =
+        (cycle_at, &light.cycle, step_s.filter(|_| xml.faults() == 0))
+    {
+        let checked = cycle.program(step_s).check();
+        checked.unwrap_or_else(|error| xml.fault(at, || error.to_string()));
     }
-    name.chars().take(16).collect()
+    Some(light)
 }
 
-/// A number of time steps; 0 where it is missing.
-fn steps(xml: &mut Reader, of: Element<'_>, name: &str) -> u32 {
-    let Some(at) = child(of, name) else { return 0 };
-    content(at).parse().unwrap_or_else(|_| {
-        xml.defect(at, || format!("expected a number of time steps, found {}", quoted(content(at))));
-        0
-    })
+impl Light {
+    /// Its phases, given the duration of a time step; `None` without a cycle, and if it is out of order.
+    pub fn program(&self, step_s: f64) -> Option<SignalProgram> {
+        self.cycle.as_ref().filter(|_| self.active).map(|cycle| cycle.program(step_s))
+    }
+}
+
+impl Cycle {
+    fn program(&self, step_s: f64) -> SignalProgram {
+        let mut program = SignalProgram::default();
+        for Phase { aspect, steps } in &self.phases {
+            program.push(*aspect, f64::from(*steps) * step_s);
+        }
+        SignalProgram { offset_s: 0.0 - f64::from(self.offset_steps) * step_s, ..program }
+    }
+}
+
+fn color(xml: &mut Reader, phase: Element<'_>) -> Option<Aspect> {
+    let name = child(phase, "color").map(content).unwrap_or_default();
+    let found = COLORS.iter().find(|(known, _)| *known == name).map(|(_, aspect)| *aspect);
+    if found.is_none() {
+        let known = COLORS.map(|(known, _)| known).join(", ");
+        xml.fault(phase, || format!("`color`: expected one of {known}, found {}", quoted(name)));
+    }
+    found
+}
+
+/// A number of time steps in a child element.
+fn steps(xml: &mut Reader, of: Element<'_>, name: &str) -> Option<u32> {
+    let at = xml.child(of, name)?;
+    let steps = content(at).parse().ok();
+    if steps.is_none() {
+        xml.fault(at, || format!("expected a number of time steps, found {}", quoted(content(at))));
+    }
+    steps
 }
 
 fn intersection(xml: &mut Reader, at: Element<'_>) -> Option<Intersection> {

@@ -160,6 +160,7 @@ fn light(
         height_m: Some(height_m),
         lanes,
         controller,
+        program: None,
     }
 }
 

@@ -133,6 +133,7 @@ impl Build<'_> {
                 height_m,
                 lanes: Vec::new(),
                 controller: Some(rule.id.to_string()),
+                program: None,
             });
             signal.lanes.extend(&lanes);
             ids.push(signal.id);

@@ -33,6 +33,7 @@ fn features() -> Features {
         height_m: Some(4.0),
         lanes: ids(lanes),
         controller: None,
+        program: None,
     };
     let right = RightOfWay { lane: LaneId(5), to: LaneId(1) };
     let line = |lane, s_m| StopLine::new(LaneId(lane), s_m);

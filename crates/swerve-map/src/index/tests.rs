@@ -43,6 +43,16 @@ fn first_of_equally_near_lanes_is_found() {
 }
 
 #[test]
+fn lanes_that_are_too_far_apart_for_a_count_of_cells_are_found() {
+    let map =
+        Map::new(vec![lane(1, &[(0.0, 0.0), (9.0, 0.0)]), lane(2, &[(0.0, 5.0), (1e25, 5.0)])]).unwrap();
+    let index = LaneIndex::new(&map);
+    let found =
+        [Point2::new(4.0, 1.0), Point2::new(1e24, 0.0)].map(|point| index.nearest(point).unwrap().lane);
+    assert_eq!(found, [LaneId(1), LaneId(2)]);
+}
+
+#[test]
 fn lanes_far_apart_take_memory_by_their_pieces() {
     let far = 1e6;
     let map =

@@ -90,7 +90,7 @@ pub struct Road {
     pub lights: Vec<Light>,
 }
 
-/// Traffic light with an endless cycle of green, yellow and red.
+/// Traffic light with an endless cycle of phases.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Light {
     /// Name.
@@ -99,9 +99,9 @@ pub struct Light {
     pub at: [i64; 2],
     /// Stop line, x and y of both ends.
     pub stop: [i64; 4],
-    /// Durations of green, yellow and red.
-    pub phases: [i64; 3],
-    /// Elapsed time of the cycle, which begins with green, at the start of the run.
+    /// Names of the burning lamps, `off` without one, and durations.
+    pub phases: Vec<(&'static str, i64)>,
+    /// Elapsed time of the cycle at the start of the run.
     pub offset: i64,
 }
 

@@ -1,5 +1,7 @@
 //! Scenarios on maps: the map, places on it, and ways over it.
 
+mod slopes;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,8 +12,8 @@ use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
 
-use super::{ANGLE, PLACE, cycle};
-use crate::{Closure, Cycle, MapCourse, TrafficLight};
+use super::{ANGLE, PLACE, program};
+use crate::{Closure, MapCourse, SignalProgram, TrafficLight};
 
 /// Length of the line of an actor beyond its start or goal, metres.
 const ACTOR_BEYOND_M: f64 = 1_000.0;
@@ -26,7 +28,7 @@ pub(super) struct Loaded {
     pub(super) text: Arc<str>,
     pub(super) file: MapFile,
     pub(super) friction: f64,
-    lights: Vec<(Vec<String>, Cycle)>,
+    lights: Vec<(Vec<String>, SignalProgram)>,
     closures: Vec<Closure>,
 }
 
@@ -79,19 +81,19 @@ fn text_beside(scenario: &str, name: &str) -> Result<Arc<str>, String> {
     Ok(decoded(bytes).map_err(|error| wrong(&error))?.into())
 }
 
-/// Names of signals, or of the controllers of signals, and the cycle that they show.
-fn light(table: &TableReader<'_>) -> (Vec<String>, Cycle) {
+/// Names of signals, or of the controllers of signals, and the phases that they show.
+fn light(table: &TableReader<'_>) -> (Vec<String>, SignalProgram) {
     let names = match table.only_one(&["signals", "controller"]) {
         Some("controller") => vec![table.text("controller")],
         Some(_) => table.texts("signals"),
         None => Vec::new(),
     };
-    let cycle = cycle(table);
+    let program = program(table);
     table.finish();
-    (names, cycle)
+    (names, program)
 }
 
-fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, Cycle)], map: &Map) {
+fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgram)], map: &Map) {
     for (table, (names, _)) in tables.iter().zip(lights) {
         let (key, of) = match table.has("controller") {
             true => ("controller", "controller of signals"),
@@ -197,15 +199,17 @@ impl Loaded {
         }
     }
 
-    /// Traffic lights of the map that have phases. Those that the ego obeys have the stop line on its route.
+    /// Traffic lights of the map that have phases: those of the scenario, else those of the file. Lights that the ego
+    /// obeys have the stop line on its route.
     pub(super) fn lights(&self, route: &Route) -> Vec<TrafficLight> {
         let map = &self.file.map;
         let phased = |signal: &Signal| {
             let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
-            self.lights.iter().find(named).map(|(_, cycle)| *cycle)
+            let given = self.lights.iter().find(named).map(|(_, program)| program);
+            given.or(signal.program.as_ref()).cloned()
         };
         let signals = map.signals().iter().filter_map(|signal| Some((signal, phased(signal)?)));
-        let light = |(signal, cycle): (&Signal, Cycle)| TrafficLight {
+        let light = |(signal, program): (&Signal, SignalProgram)| TrafficLight {
             name: match signal.name.is_empty() {
                 true => format!("signal {}", signal.id.0),
                 false => signal.name.clone(),
@@ -217,13 +221,18 @@ impl Loaded {
             ),
             stop_s_m: route.stop_s_m(map, signal),
             signal: Some(signal.id),
-            cycle,
+            program,
         };
         signals.map(light).collect()
     }
 
-    /// The map under the ego's route.
-    pub(super) fn on(&self, course: Course) -> MapCourse {
+    /// The map under the ego's route. On a way that is too steep or too much banked, that is a problem.
+    pub(super) fn on(&self, top: &TableReader<'_>, course: Course) -> MapCourse {
+        let warning = slopes::warning(&self.file, &course);
+        let warning = warning.unwrap_or_else(|message| {
+            top.reading().report("map.file", message);
+            None
+        });
         let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
         MapCourse {
             file,
@@ -232,6 +241,7 @@ impl Loaded {
             route: course.route,
             stops: course.stops,
             closures: self.closures.clone(),
+            warning,
         }
     }
 }

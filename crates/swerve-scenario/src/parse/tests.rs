@@ -1,6 +1,8 @@
 use swerve_msg::ActorId;
 
-use crate::{Cycle, Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trigger, Verdict};
+use crate::{
+    Direction, Motion, Scenario, SignalProgram, SpeedPoint, Subject, TrafficLight, Trigger, Verdict,
+};
 
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
 
@@ -270,16 +272,17 @@ fn traffic_light_is_read_as_written_with_defaults_beside_its_stop_line() {
     };
     let short = read("name = \"a\"\nstop_s_m = 60\ngreen_s = 10.0\nred_s = 20.0\n");
     let line = Scenario::parse("full.toml", FULL).unwrap().road.line();
-    let cycle = Cycle { green_s: 10.0, yellow_s: 3.0, red_s: 20.0, offset_s: 0.0 };
+    let program = SignalProgram::green_yellow_red([10.0, 3.0, 20.0], 0.0);
     let pose = crate::model::on_road(&line, 62.0, -3.0, 0.0);
-    let want = TrafficLight { name: "a".into(), pose, stop_s_m: Some(60.0), signal: None, cycle };
+    let stop_s_m = Some(60.0);
+    let want = TrafficLight { name: "a".into(), pose, stop_s_m, signal: None, program };
     assert_eq!(short, core::slice::from_ref(&want));
     let full = read(
         "name = \"a\"\nstop_s_m = 60\ns_m = 61.0\nd_m = 4.0\ngreen_s = 10.0\nyellow_s = 0\nred_s = 20.0\n\
          offset_s = 29.9\n[[road.light]]\nname = \"b\"\nstop_s_m = 200.0\ngreen_s = 1\nred_s = 1\n",
     );
-    let cycle = Cycle { yellow_s: 0.0, offset_s: 29.9, ..cycle };
-    let first = TrafficLight { pose: crate::model::on_road(&line, 61.0, 4.0, 0.0), cycle, ..want };
+    let program = SignalProgram::green_yellow_red([10.0, 0.0, 20.0], 29.9);
+    let first = TrafficLight { pose: crate::model::on_road(&line, 61.0, 4.0, 0.0), program, ..want };
     assert_eq!((full.len(), &full[0], full[1].name.as_str()), (2, &first, "b"));
     assert!(Scenario::parse("full.toml", FULL).unwrap().road.lights.is_empty());
 }

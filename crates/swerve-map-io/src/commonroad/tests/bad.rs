@@ -59,6 +59,33 @@ const FAULTS: &Changes = &[
         "`drivingDir`: expected one of same, opposite, found \"up\"",
     ),
     ("<successor ref=\"3\"/>", "<successor/>", "lanelet 1/successor: attribute `ref` is missing"),
+    (
+        "yellow",
+        "amber",
+        "m.xml:63:7: trafficLight 8/cycle/cycleElement: `color`: expected one of red, yellow, redYellow, green, \
+         inactive, found \"amber\"",
+    ),
+    ("170", "-1", "cycle/cycleElement/duration: expected a number of time steps, found \"-1\""),
+    ("170", "NaN", "expected a number of time steps, found \"NaN\""),
+    ("<duration>170</duration>", "", "cycle/cycleElement: element `duration` is missing"),
+    (
+        "<timeOffset>43",
+        "<timeOffset>later",
+        "cycle/timeOffset: expected a number of time steps, found \"later\"",
+    ),
+    ("timeStepSize=\"0.1\"", "", "m.xml:2:1: commonRoad: attribute `timeStepSize` is missing"),
+    (
+        "timeStepSize=\"0.1\"",
+        "timeStepSize=\"inf\"",
+        "`timeStepSize`: expected a number of magnitude at most 1e9",
+    ),
+    (
+        "timeStepSize=\"0.1\"",
+        "timeStepSize=\"-0.1\"",
+        "trafficLight 8/cycle: expected phases of 0 s, or of at least",
+    ),
+    ("timeStepSize=\"0.1\"", "timeStepSize=\"0\"", "trafficLight 8/cycle: expected a cycle of more than 0 s"),
+    ("timeStepSize=\"0.1\"", "timeStepSize=\"1e9\"", "at most 3e9 s, found 200000000000 s"),
     ("<leftBound>", "<leftBorder>", "it is not XML: expected 'leftBorder' tag, not 'leftBound'"),
 ];
 
@@ -99,8 +126,6 @@ const DEFECTS: &Changes = &[
         "bicycle_lane",
         "lanelet 2/laneletType: expected a type of lanelets, found \"bicycle_lane\"",
     ),
-    ("yellow", "amber", "`color`: expected one of red, yellow, redYellow, green, inactive, found \"amber\""),
-    ("170", "-1", "expected a number of time steps, found \"-1\""),
     ("<y>-2</y>", "<y>2</y>", "lanelet 2: its left border is not to the left of its right border"),
     ("<x>20</x><y>0</y>", "<x>20</x><y>2.7</y>", "read"),
 ];

@@ -1,6 +1,8 @@
 //! Lanes, rules and lights of scenarios written by hand.
 
-use swerve_map::{LaneId, LaneKind, Mark, MarkKind, Neighbour, Side, SignalId, StopSign};
+use swerve_map::{
+    Aspect, LaneId, LaneKind, Mark, MarkKind, Neighbour, Side, SignalId, SignalProgram, StopSign,
+};
 
 use super::SMALL;
 use crate::commonroad::{Centers, Commonroad, read};
@@ -86,9 +88,24 @@ fn lights_have_places_and_cycles() {
     assert_eq!((&first.lanes[..], second.heading_rad), (&[LaneId(1)][..], core::f64::consts::PI));
     let light = &roads.lights[0];
     let cycle = light.cycle.as_ref().unwrap();
-    let phases: Vec<(&str, u32)> = cycle.phases.iter().map(|phase| (&*phase.color, phase.steps)).collect();
-    assert_eq!((phases, cycle.offset_steps), (vec![("green", 170), ("yellow", 30)], 43));
+    let phases: Vec<_> = cycle.phases.iter().map(|phase| (phase.aspect, phase.steps)).collect();
+    assert_eq!((phases, cycle.offset_steps), (vec![(Aspect::Green, 170), (Aspect::Yellow, 30)], 43));
     assert_eq!((&*light.direction, light.active, roads.lights[1].active), ("straightRight", false, true));
+}
+
+#[test]
+fn signals_have_the_cycles_of_lights_that_are_active() {
+    let program = |text: &str| good(text).lanes.map.features().signals[0].program.clone();
+    assert_eq!(program(SMALL), None);
+    let active = SMALL.replace("<active>false</active>", "");
+    let mut expected = SignalProgram { offset_s: -4.3, ..SignalProgram::default() };
+    expected.push(Aspect::Green, 17.0);
+    expected.push(Aspect::Yellow, 3.0);
+    assert_eq!(program(&active), Some(expected.clone()));
+    let flashing = active.replace("yellow", "inactive");
+    expected.phases[1].aspect = Aspect::Off;
+    assert_eq!(program(&flashing), Some(expected));
+    assert_eq!(good(&active).lanes.map.features().signals[1].program, None);
 }
 
 #[test]

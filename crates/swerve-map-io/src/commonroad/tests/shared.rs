@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 use swerve_geom::Point2;
-use swerve_map::LaneId;
+use swerve_map::{Aspect, LaneId, Signal};
 use swerve_tests::data_or_skip;
 
 use crate::commonroad::{Centers, Commonroad, read};
@@ -75,6 +75,7 @@ fn check(name: &str, text: &str) -> (usize, f64) {
         lanelets().flat_map(|one| one.children()).filter(|child| child.has_tag_name("stopLine")).count();
     assert_eq!(features.stop_lines.len(), lines, "{name}");
     assert_eq!(features.signals.len(), lights.len(), "{name}");
+    assert_programs(name, root, &features.signals);
     let (mut successors, mut worst) = (BTreeSet::new(), 0.0_f64);
     for lanelet in lanelets() {
         let id = whole(lanelet, "id");
@@ -105,6 +106,35 @@ fn check(name: &str, text: &str) -> (usize, f64) {
         lanes.defects.first(3)
     );
     (lanes.map.lanes().len(), worst)
+}
+
+/// The program of each light has the colours and durations of the file; a colour that follows itself counts once.
+fn assert_programs(name: &str, root: Node<'_, '_>, signals: &[Signal]) {
+    let text = |of: Node<'_, '_>, name: &str| {
+        of.children()
+            .find(|child| child.has_tag_name(name))
+            .and_then(|child| child.text())
+            .unwrap()
+            .trim()
+            .to_owned()
+    };
+    for light in root.children().filter(|child| child.has_tag_name("trafficLight")) {
+        let signal = signals.iter().find(|signal| signal.id.0 == whole(light, "id")).unwrap();
+        let program = signal.program.as_ref().unwrap();
+        let elements: Vec<_> = light.descendants().filter(|node| node.has_tag_name("cycleElement")).collect();
+        let elements = elements.iter().map(|one| (text(*one, "color"), text(*one, "duration")));
+        let shown = program.phases.iter().map(|phase| {
+            let color = match phase.aspect {
+                Aspect::Green => "green",
+                Aspect::Yellow => "yellow",
+                Aspect::Red => "red",
+                Aspect::RedYellow => "redYellow",
+                Aspect::Off => "inactive",
+            };
+            (color.to_owned(), format!("{:.0}", phase.duration_s * 10.0))
+        });
+        assert_eq!(shown.collect::<Vec<_>>(), elements.collect::<Vec<_>>(), "{name} {}", signal.name);
+    }
 }
 
 #[test]

@@ -73,6 +73,11 @@ const FAULTS: &Changes = &[
     ),
     (
         "linkIndex=\"0\"",
+        "linkIndex=\"-2147483648\"",
+        "`linkIndex`: expected a whole number, found \"-2147483648\"",
+    ),
+    (
+        "linkIndex=\"0\"",
         "linkIndex=\"first\"",
         "connection: `linkIndex`: expected a whole number, found \"first\"",
     ),
@@ -83,8 +88,17 @@ const FAULTS: &Changes = &[
         "tlLogic L/phase: `duration`: expected a number of at least 0, found -30",
     ),
     ("duration=\"30\"", "", "tlLogic L/phase: attribute `duration` is missing"),
+    ("duration=\"30\"", "duration=\"NaN\"", "`duration`: expected a finite number, found NaN"),
+    ("duration=\"30\"", "duration=\"1e-6\"", "tlLogic L: expected phases of 0 s, or of at least 0.001 s"),
+    (
+        "<tlLogic",
+        "<tlLogic id=\"M\" type=\"static\"/><tlLogic",
+        "tlLogic M: expected a cycle of more than 0 s",
+    ),
+    ("offset=\"5\"", "offset=\"late\"", "tlLogic L: `offset`: expected a number, found \"late\""),
+    ("linkIndex=\"0\"", "linkIndex=\"7\"", "n:51:5: tlLogic L: expected a state for link 7, found 3 states"),
     ("state=\"yyr\"", "state=\"yy\"", "`state`: expected 3 letters as in the first phase, found 2"),
-    ("state=\"yyr\"", "state=\"yyx\"", "`state`: expected letters of rygGsuoO, found \"x\""),
+    ("state=\"yyr\"", "state=\"yyx\"", "`state`: expected letters of ryYgGsuoO, found \"x\""),
     (
         "<junction id=\"E\"",
         "<junction id=\"J\"",
@@ -131,7 +145,6 @@ const DEFECTS: &Changes = &[
         "crossingEdges=\"outt\"",
         "edge :J_c0: `crossingEdges`: no edge is named \"outt\"",
     ),
-    ("linkIndex=\"0\"", "linkIndex=\"7\"", "tlLogic L: expected a state for link 7, found 3 states"),
     ("linkIndex=\"0\"", "linkIndex=\"-7\"", "read"),
     (
         "speed=\"13.89\" length=\"35.00\"",
@@ -145,7 +158,7 @@ const DEFECTS: &Changes = &[
     ),
     (
         "</net>",
-        "<tlLogic id=\"L\" programID=\"p\"/></net>",
+        "<tlLogic id=\"L\" programID=\"p\"><phase duration=\"9\" state=\"GGG\"/></tlLogic></net>",
         "program \"p\" of this traffic light is there twice",
     ),
     ("</net>", "<edge id=\"none\"/></net>", "edge none: it has no lanes"),

@@ -1,7 +1,9 @@
 //! A crossing of a main road with a side road, with values worked out by hand.
 
 use swerve_geom::Point2;
-use swerve_map::{AreaKind, LaneId, LaneKind, Map, MarkKind, Neighbour, Side, StopSign};
+use swerve_map::{
+    AreaKind, Aspect, LaneId, LaneKind, Map, MarkKind, Neighbour, Side, SignalProgram, StopSign,
+};
 
 use crate::sumo::{Net, Phase, read};
 
@@ -173,6 +175,32 @@ fn lights_and_rules_are_signals_stop_lines_and_programs() {
     assert_eq!(program.phases[1], Phase { duration_s: 3.0, states: "yyr".to_owned() });
     let numbers: Vec<_> = program.signals.iter().map(|signal| signal.map(|id| id.0)).collect();
     assert_eq!(numbers, [Some(0), Some(1), Some(2)]);
+}
+
+#[test]
+fn signals_have_the_phases_of_their_link_in_the_last_static_program() {
+    use Aspect::{Green, Off, Red, RedYellow, Yellow};
+    let of = |text: &str, link: usize| {
+        let program = net(text).lanes.map.signals()[link].program.clone()?;
+        let SignalProgram { phases, offset_s } = program;
+        Some((phases.iter().map(|phase| (phase.aspect, phase.duration_s)).collect::<Vec<_>>(), offset_s))
+    };
+    // Equal states in a row are one phase.
+    assert_eq!(of(SMALL, 0), Some((vec![(Green, 30.0), (Yellow, 3.0), (Red, 20.0)], -5.0)));
+    assert_eq!(of(SMALL, 2), Some((vec![(Red, 33.0), (Green, 20.0)], -5.0)));
+    let letters = SMALL.replace("GGr", "ous").replace("rrG", "OYr");
+    assert_eq!(of(&letters, 0), Some((vec![(Off, 30.0), (Yellow, 3.0), (Off, 20.0)], -5.0)));
+    assert_eq!(of(&letters, 1), Some((vec![(RedYellow, 30.0), (Yellow, 23.0)], -5.0)));
+    assert_eq!(of(&letters, 2), Some((vec![(Red, 53.0)], -5.0)));
+    let two = SMALL.replace(
+        "</tlLogic>",
+        r#"</tlLogic><tlLogic id="L" programID="q" offset="begin"><phase duration="9" state="rGr"/></tlLogic>"#,
+    );
+    assert_eq!(of(&two, 1), Some((vec![(Green, 9.0)], 0.0)));
+    // Phases that depend on traffic are not a program.
+    for (from, to) in [("static", "actuated"), ("state=\"yyr\"", "state=\"yyr\" next=\"0\"")] {
+        assert_eq!(of(&SMALL.replace(from, to), 0), None, "{to}");
+    }
 }
 
 #[test]

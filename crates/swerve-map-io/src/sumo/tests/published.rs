@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
-use swerve_map::{LaneIndex, LaneKind, Route};
+use swerve_map::{Aspect, LaneIndex, LaneKind, Route};
 use swerve_tests::data_or_skip;
 
 use crate::sumo::{Net, read};
@@ -104,6 +104,7 @@ fn counts_of_published_networks_match_their_xml() {
         assert_eq!((found, net.programs.len()), (expected, count("tlLogic")), "{name}");
         let phases: usize = net.programs.iter().map(|program| program.phases.len()).sum();
         assert_eq!(phases, count("phase"), "{name}");
+        assert_programs_match_states(name, &net, root);
         let is_kept = |node: &&Node<'_, '_>| !matches!(node.attribute("type"), Some("internal" | "dead_end"));
         let junctions = all(root, "junction");
         assert_eq!(net.lanes.map.junctions().len(), junctions.iter().filter(is_kept).count(), "{name}");
@@ -155,6 +156,37 @@ fn counts_of_published_networks_match_their_xml() {
             assert!(net.lanes.map.lane(from).unwrap().successors.contains(&to), "{name}");
         }
         assert!(net.lanes.gaps.is_empty(), "{name}: {:?}", net.lanes.gaps);
+    }
+}
+
+/// Each signal shows the state of its link in the file in the middle of each phase, counted from the offset.
+fn assert_programs_match_states(name: &str, net: &Net, root: Node<'_, '_>) {
+    for signal in net.lanes.map.signals() {
+        let (light, link) = signal.name.rsplit_once(':').unwrap();
+        let logic = all(root, "tlLogic").into_iter().find(|one| one.attribute("id") == Some(light)).unwrap();
+        let number = |node: &Node<'_, '_>, name| node.attribute(name).unwrap().parse::<f64>().unwrap();
+        let program = signal.program.as_ref().unwrap();
+        assert_eq!(program.offset_s, 0.0 - number(&logic, "offset"), "{name} {}", signal.name);
+        let mut begin_s = 0.0;
+        for phase in all(logic, "phase") {
+            let duration_s = number(&phase, "duration");
+            let mut left_s = begin_s + 0.5 * duration_s;
+            let shown = program.phases.iter().find(|phase| {
+                left_s -= phase.duration_s;
+                left_s < 0.0
+            });
+            let expected = match phase.attribute("state").unwrap().as_bytes()[link.parse::<usize>().unwrap()]
+            {
+                b'G' | b'g' => Aspect::Green,
+                b'y' => Aspect::Yellow,
+                other => {
+                    assert_eq!(other, b'r', "{name}");
+                    Aspect::Red
+                }
+            };
+            assert_eq!(shown.unwrap().aspect, expected, "{name} {} at {begin_s} s", signal.name);
+            begin_s += duration_s;
+        }
     }
 }
 

@@ -23,6 +23,7 @@ fn fork() -> Map {
         height_m: None,
         lanes: vec![LaneId(1)],
         controller: None,
+        program: None,
     };
     let stop = StopLine { signals: vec![SignalId(7)], ..StopLine::new(LaneId(1), 38.0) };
     let features = Features { signals: vec![light], stop_lines: vec![stop], ..Features::default() };

@@ -46,6 +46,7 @@ fn fork() -> Map {
         height_m: None,
         lanes: vec![LaneId(1), LaneId(4)],
         controller: None,
+        program: None,
     };
     let stop = |lane| StopLine { signals: vec![SignalId(7)], ..StopLine::new(LaneId(lane), 60.0) };
     let features =

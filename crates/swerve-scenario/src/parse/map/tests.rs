@@ -95,6 +95,88 @@ fn lights_of_the_ego_have_their_stop_line_on_its_route() {
     assert_eq!(scenario.road.lights[0].signal(swerve_core::Time::ZERO), Shown::Red);
 }
 
+/// A crossing of SUMO with a light, and a way over it.
+const NET: &str = "../../crates/swerve-map-io/maps/junction.net.xml";
+const OVER: &str = "start = { lane = \"in_2\", s_m = 20.0 }\ngoal = { lane = \"out_0\", s_m = 30.0 }";
+
+#[test]
+fn lights_have_the_phases_of_the_file_unless_the_scenario_has_others() {
+    let shown = |rest: &str| {
+        let scenario = sound(NET, OVER, rest);
+        let lights = scenario.road.lights.iter().map(|light| {
+            let at = |s: i64| light.signal(swerve_core::Time::from_ms(1000 * s));
+            (light.name.clone(), light.stop_s_m, [0, 5, 34, 35, 40, 60].map(at))
+        });
+        lights.collect::<Vec<_>>()
+    };
+    use Shown::{Green, Red, Yellow};
+    // A cycle of 30, 3 and 20 s that begins at 5 s. The ego obeys the light of its link, 1 m before the junction.
+    let by_file = [Red, Green, Green, Yellow, Red, Green];
+    let light = |name: &str, stop_s_m, shown| (name.to_owned(), stop_s_m, shown);
+    let walk = light("L:2", None, [Green, Red, Red, Red, Green, Red]);
+    assert_eq!(shown(""), [light("L:0", None, by_file), light("L:1", Some(89.0), by_file), walk.clone()]);
+    let one = "[[map.light]]\nsignals = [\"L:1\"]\ngreen_s = 1.0\nyellow_s = 3.0\nred_s = 500.0";
+    let given = [Green, Red, Red, Red, Red, Red];
+    assert_eq!(shown(one), [light("L:0", None, by_file), light("L:1", Some(89.0), given), walk]);
+    let all = shown(&one.replace("signals = [\"L:1\"]", "controller = \"L\""));
+    assert!(all.iter().all(|(.., shown)| *shown == given), "{all:?}");
+}
+
+/// A scenario on a road with this grade from 300 m on, and this bank from 350 m on, which begins to rise 50 m before.
+fn on_slope(grade: f64, bank: f64) -> Result<Scenario, String> {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/two_lane_road.xodr");
+    let map = std::fs::read_to_string(file).unwrap();
+    let record = |name: &str, s_m: f64, a: f64, b: f64| {
+        format!("<{name} s=\"{s_m}\" a=\"{a}\" b=\"{b}\" c=\"0\" d=\"0\"/>")
+    };
+    let profiles = [
+        "<elevationProfile>".to_owned(),
+        record("elevation", 0.0, 0.0, 0.0),
+        record("elevation", 300.0, 0.0, grade),
+        "</elevationProfile><lateralProfile>".to_owned(),
+        record("superelevation", 300.0, 0.0, bank / 50.0),
+        record("superelevation", 350.0, bank, 0.0),
+        "</lateralProfile>\n    <lanes>".to_owned(),
+    ]
+    .concat();
+    let map: Arc<str> = map.replacen("<lanes>", &profiles, 1).into();
+    let text = "name = \"test\"\n[map]\nfile = \"m.xodr\"\n[ego]\nstart = { road = \"1\", lane = -1, s_m = 20.0 }\n\
+                goal = { road = \"1\", lane = -1, s_m = 500.0 }\n";
+    Scenario::parse_on("x.toml", text, Some(&map), &[]).map_err(|problems| problems.to_string())
+}
+
+#[test]
+fn small_slopes_are_a_warning_and_large_ones_are_refused() {
+    const FLAT: &str = "vehicles are driven on the flat projection of the map";
+    let warnings = |grade: f64, bank: f64| on_slope(grade, bank).unwrap().warnings();
+    for (grade, bank) in [(0.019, 0.0), (0.0, -0.039)] {
+        assert_eq!(warnings(grade, bank), [] as [&str; 0]);
+    }
+    let expected = format!("map.file: road \"1\" has a grade of -2.5 % (0.25 m/s²) at s = 426.1 m: {FLAT}");
+    assert_eq!(warnings(-0.025, 0.0), [expected]);
+    let both = warnings(0.07, 0.09);
+    assert!(
+        both.len() == 1 && both[0].contains("grade of 7.") && both[0].contains("bank of 9.0 %"),
+        "{both:?}"
+    );
+    let limits = format!("{FLAT}, expected a grade of at most 8 % and a bank of at most 10 %");
+    let steep = on_slope(-0.094, 0.05).unwrap_err();
+    let expected = "x.toml:3: map.file: road \"1\" has a grade of -9.4 % (0.92 m/s²) at s = 307.2 m: ";
+    assert_eq!(steep, format!("{expected}{limits}"));
+    let banked = on_slope(0.0, 0.12).unwrap_err();
+    assert!(
+        banked.contains("has a bank of 12.1 % (1.17 m/s²) at s = 351.8 m") && banked.ends_with(&limits),
+        "{banked}"
+    );
+}
+
+#[test]
+fn slopes_that_a_file_does_not_give_are_a_warning_where_its_heights_differ() {
+    let found = sound(NET, OVER, "").warnings();
+    let expected = "map.file: the file has heights from 0.0 to 4.5 m, slopes are not checked: ";
+    assert!(found.len() == 1 && found[0].starts_with(expected), "{found:?}");
+}
+
 #[test]
 fn map_is_read_once_and_its_text_makes_the_same_scenario() {
     let ego = format!("{START}\n{GOAL}");

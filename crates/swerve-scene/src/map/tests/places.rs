@@ -15,6 +15,7 @@ fn signal(id: u32, (x, y): (f64, f64), lanes: &[u32]) -> Signal {
         height_m: None,
         lanes: lanes.iter().map(|id| LaneId(*id)).collect(),
         controller: None,
+        program: None,
     }
 }
 

@@ -2,7 +2,7 @@ use swerve_core::Time;
 use swerve_geom::Pose2;
 use swerve_msg::truth::{Collision, InfractionKind};
 use swerve_msg::{ActorId, ActorKind, Command, RoadLine};
-use swerve_scenario::{Course, Cycle};
+use swerve_scenario::{Course, SignalProgram};
 
 use super::*;
 use crate::sense::tests::{actor, person, world};
@@ -113,7 +113,7 @@ fn light(green_s: f64, yellow_s: f64, red_s: f64) -> Road {
         pose: Pose2::new(52.0, -3.0, 0.0),
         stop_s_m: Some(50.0),
         signal: None,
-        cycle: Cycle { green_s, yellow_s, red_s, offset_s: 0.0 },
+        program: SignalProgram::green_yellow_red([green_s, yellow_s, red_s], 0.0),
     };
     Road { lights: vec![light], ..road() }
 }
@@ -164,8 +164,9 @@ fn waiting_car_causes_no_event_and_a_passing_one_causes_one() {
 fn each_light_of_a_road_is_judged_separately() {
     let mut road = light(1.0, 1.0, 1000.0);
     let first = &road.lights[0];
-    let cycle = Cycle { green_s: 900.0, ..first.cycle };
-    let second = TrafficLight { name: "second".into(), stop_s_m: Some(50.2), cycle, ..first.clone() };
+    let mut program = first.program.clone();
+    program.phases[0].duration_s = 900.0;
+    let second = TrafficLight { name: "second".into(), stop_s_m: Some(50.2), program, ..first.clone() };
     let third = TrafficLight { name: "third".into(), stop_s_m: Some(50.4), ..first.clone() };
     road.lights.extend([second, third]);
     let lights: Vec<u32> =

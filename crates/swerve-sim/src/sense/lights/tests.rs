@@ -2,7 +2,7 @@ use swerve_core::Time;
 use swerve_geom::{Point, Pose2, Transform};
 use swerve_msg::{ActorKind, Signal};
 
-use swerve_scenario::Cycle;
+use swerve_scenario::SignalProgram;
 
 use super::*;
 use crate::sense::tests::{actor, world};
@@ -16,7 +16,7 @@ fn road() -> Road {
         pose: Pose2::new(60.0, -3.0, 0.0),
         stop_s_m: Some(58.0),
         signal: None,
-        cycle: Cycle { green_s: 2.0, yellow_s: 3.0, red_s: 10.0, offset_s: 0.0 },
+        program: SignalProgram::green_yellow_red([2.0, 3.0, 10.0], 0.0),
     };
     Road { lights: vec![light], ..scenario(PERSON_BEHIND_TRUCK).road }
 }
