@@ -14,7 +14,7 @@ use std::sync::Arc;
 use swerve_core::Rng;
 use swerve_geom::{Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
-use swerve_msg::{ActorId, ActorKind, Signal};
+use swerve_msg::{ActorId, ActorKind};
 use swerve_scenario::{Aspect, Course, PAVEMENT_M, Scenario, Strip, TrafficLight};
 use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, add_map, lamps,
