@@ -1031,7 +1031,9 @@ class WorldState(Message):
     actors: list[Actor]
     """All other actors, ordered by identity."""
     collisions: list[Collision]
-    """Contacts of the ego that began since the previous step."""
+    """Contacts that began since the previous step, of the ego and between others. Contacts that exist at the
+    start of a run are none.
+    """
     infractions: list[Infraction]
     """Rules broken since the previous step."""
     ended: EndReason | None = None
@@ -1072,17 +1074,17 @@ class Actor(Message):
 
 @dataclass(slots=True)
 class Collision(Message):
-    """A collision of the ego."""
+    """A collision of two bodies."""
     stamp: Time
     """Instant of first contact."""
-    actor: ActorId
-    """Actor that was hit."""
+    parties: tuple[ActorId, ActorId]
+    """The two parties: the ego first if it is one of them, else in order of identity."""
     impulse_n_s: float
-    """Impulse of the first contact step, N s."""
+    """Impulse of the first contact step, N s; zero if physics moves neither of the two."""
     closing_speed_mps: float
     """Closing speed along the contact normal just before, m/s."""
-    ego_speed_mps: float
-    """Speed of the ego just before, m/s."""
+    speeds_mps: tuple[float, float]
+    """Speeds of the two parties over ground just before, m/s."""
 
 
 @dataclass(slots=True)

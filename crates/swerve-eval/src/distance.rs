@@ -61,7 +61,7 @@ impl Clearances {
         for actor in &world.actors {
             let slot = self.slot(actor);
             let known_m = self.nearest[slot].distance_m;
-            let hit = world.collisions.iter().any(|c| c.actor == actor.id);
+            let hit = world.collisions_of_ego().any(|(other, _)| other == actor.id);
             let distance_m = if hit { 0.0 } else { distance(&footprint, actor, known_m) };
             if distance_m < known_m {
                 self.nearest[slot].distance_m = distance_m;

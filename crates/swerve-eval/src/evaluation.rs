@@ -10,6 +10,7 @@ use swerve_msg::{
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
+use crate::others::{Others, OthersImpact};
 use crate::traffic::{Norm, Traffic, TrafficMetrics};
 use crate::verdict::STANDS_MPS;
 use crate::{
@@ -66,6 +67,12 @@ pub struct Metrics {
     pub red_lights_passed: usize,
     /// Speed of the ego at the first contact, m/s; null without a collision.
     pub impact_speed_mps: Option<f64>,
+    /// Number of collisions between two others.
+    #[serde(default)]
+    pub collisions_of_others: usize,
+    /// First of them; absent if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_collision_of_others: Option<OthersImpact>,
     /// Instant at which part of the ego first left the drivable area, seconds.
     pub left_road_at_s: Option<f64>,
     /// Largest lateral jerk before the first contact.
@@ -223,6 +230,7 @@ pub struct Sight {
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     outcome: Outcome,
+    others: Others,
     clearances: Clearances,
     drive: Drive,
     /// Lateral specific force at the centre of gravity in the newest world state.
@@ -247,6 +255,7 @@ impl Evaluation {
         Self {
             traffic: Traffic::new(params.ego, params.route.clone(), params.norm),
             outcome: Outcome::new(params.ego, params.route, params.lights),
+            others: Others::default(),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
             felt_mps2: None,
@@ -275,6 +284,7 @@ impl Evaluation {
     /// Adds the world state after one step.
     pub fn world(&mut self, world: &WorldState) {
         self.outcome.take(world);
+        self.others.take(world);
         self.clearances.take(world);
         let comfort = self.counts_for_comfort(world.stamp);
         self.drive.take(&world.ego.state, comfort);
@@ -377,6 +387,8 @@ impl Evaluation {
             waits_at_light: self.outcome.waits_at_light().map(str::to_owned),
             red_lights_passed: self.outcome.red_lights_passed(),
             impact_speed_mps: impact.map(|i| i.ego_speed_mps),
+            collisions_of_others: self.others.count(),
+            first_collision_of_others: self.others.first(|actor| self.name(actor)),
             left_road_at_s: self.outcome.left_road_at().map(seconds),
             lateral_jerk: JerkMetrics {
                 raw_max_mps3: self.jerk.raw_max_mps3(),

@@ -100,12 +100,12 @@ impl Outcome {
 
     /// Adds the world state after one step.
     pub fn take(&mut self, world: &WorldState) {
-        for c in &world.collisions {
+        for (actor, c) in world.collisions_of_ego() {
             if self.impact.is_none_or(|(first, _)| c.stamp < first) {
                 let impact = Impact {
-                    actor: c.actor,
+                    actor,
                     at_s: seconds(c.stamp),
-                    ego_speed_mps: c.ego_speed_mps,
+                    ego_speed_mps: c.speeds_mps[0],
                     closing_speed_mps: c.closing_speed_mps,
                     impulse_n_s: c.impulse_n_s,
                 };
@@ -286,10 +286,10 @@ pub(crate) mod tests {
     pub(crate) fn hit(ms: i64, actor: u32) -> Collision {
         Collision {
             stamp: Time::from_ms(ms),
-            actor: ActorId(actor),
+            parties: [ActorId::EGO, ActorId(actor)],
             impulse_n_s: 900.0,
             closing_speed_mps: 7.0,
-            ego_speed_mps: 12.0,
+            speeds_mps: [12.0, 5.0],
         }
     }
 

@@ -5,7 +5,7 @@ use foxglove::messages::log::Level;
 use swerve_core::Time;
 use swerve_flow::{DropReason, Dropped, Reaction};
 use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
-use swerve_msg::{ActorNames, GateMode, PlanStatus};
+use swerve_msg::{ActorId, ActorNames, GateMode, PlanStatus};
 
 use crate::form::timestamp;
 
@@ -42,11 +42,15 @@ pub(crate) fn world(
 ) -> Vec<Line> {
     let line = |level, words: String| Line::new(world.stamp, level, operator, words);
     let mut lines = Vec::new();
-    for hit in &world.collisions {
-        let number = || format!("actor {}", hit.actor.0);
-        let with = names.get(&hit.actor).cloned().unwrap_or_else(number);
-        let words = format!("collision with {with} at {:.1} m/s", hit.ego_speed_mps);
+    let name = |id: ActorId| names.get(&id).cloned().unwrap_or_else(|| format!("actor {}", id.0));
+    for (with, hit) in world.collisions_of_ego() {
+        let words = format!("collision with {} at {:.1} m/s", name(with), hit.speeds_mps[0]);
         lines.push(line(Level::Error, words));
+    }
+    for hit in world.collisions_of_others() {
+        let [a, b] = hit.parties.map(name);
+        let words = format!("{a} and {b} collide, closing at {:.1} m/s", hit.closing_speed_mps);
+        lines.push(line(Level::Warning, words));
     }
     for broken in &world.infractions {
         let words = match broken.kind {
@@ -115,4 +119,47 @@ pub(crate) fn dropped(dropped: &Dropped<'_>) -> Line {
     };
     let words = format!("frame of {:.3} s dropped: {why}", dropped.stamp.as_secs());
     Line::new(dropped.at, Level::Debug, dropped.operator, words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_geom::{Point, Transform, Vector};
+    use swerve_msg::EgoState;
+    use swerve_msg::truth::{Collision, EgoTruth};
+
+    #[test]
+    fn collision_names_both_parties_unless_one_is_the_ego() {
+        let hit = |parties: [u32; 2]| Collision {
+            stamp: Time::ZERO,
+            parties: parties.map(ActorId),
+            impulse_n_s: 0.0,
+            closing_speed_mps: 9.04,
+            speeds_mps: [8.0, 3.0],
+        };
+        let zero = Vector::new(0.0, 0.0, 0.0);
+        let state = WorldState {
+            stamp: Time::ZERO,
+            ego: EgoTruth {
+                map_from_ego: Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
+                state: EgoState::default(),
+                velocity_mps: zero,
+                specific_force_mps2: Vector::new(0.0, 0.0, 0.0),
+                angular_velocity_radps: Vector::new(0.0, 0.0, 0.0),
+            },
+            actors: Vec::new(),
+            collisions: vec![hit([1, 2]), hit([0, 2])],
+            infractions: Vec::new(),
+            ended: None,
+        };
+        let names = [(ActorId(1), "van".to_owned())].into();
+        let lines = world(("world", &state), &names, false);
+        let lines: Vec<_> = lines.into_iter().map(|line| (line.level as i32, line.words)).collect();
+        let (error, warning) = (Level::Error as i32, Level::Warning as i32);
+        let others = "van and actor 2 collide, closing at 9.0 m/s";
+        assert_eq!(
+            lines,
+            [(error, "collision with actor 2 at 8.0 m/s".to_owned()), (warning, others.to_owned())]
+        );
+    }
 }

@@ -15,7 +15,8 @@ pub struct WorldState {
     pub ego: EgoTruth,
     /// All other actors, ordered by identity.
     pub actors: Vec<Actor>,
-    /// Contacts of the ego that began since the previous step.
+    /// Contacts that began since the previous step, of the ego and between others. Contacts that exist at the start of
+    /// a run are none.
     pub collisions: Vec<Collision>,
     /// Rules broken since the previous step.
     pub infractions: Vec<Infraction>,
@@ -27,6 +28,16 @@ impl WorldState {
     /// The actor with this identity.
     pub fn actor(&self, id: ActorId) -> Option<&Actor> {
         self.actors.binary_search_by_key(&id, |actor| actor.id).ok().map(|index| &self.actors[index])
+    }
+
+    /// Collisions of the ego, with the other party. The ego's speed is the first of the two.
+    pub fn collisions_of_ego(&self) -> impl Iterator<Item = (ActorId, &Collision)> {
+        self.collisions.iter().filter_map(|collision| Some((collision.with_ego()?, collision)))
+    }
+
+    /// Collisions between two others.
+    pub fn collisions_of_others(&self) -> impl Iterator<Item = &Collision> {
+        self.collisions.iter().filter(|collision| collision.with_ego().is_none())
     }
 }
 
@@ -94,19 +105,32 @@ impl Actor {
     }
 }
 
-/// A collision of the ego.
+/// A collision of two bodies.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Collision {
     /// Instant of first contact.
     pub stamp: Time,
-    /// Actor that was hit.
-    pub actor: ActorId,
-    /// Impulse of the first contact step, N s.
+    /// The two parties: the ego first if it is one of them, else in order of identity.
+    pub parties: [ActorId; 2],
+    /// Impulse of the first contact step, N s; zero if physics moves neither of the two.
     pub impulse_n_s: f64,
     /// Closing speed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
-    /// Speed of the ego just before, m/s.
-    pub ego_speed_mps: f64,
+    /// Speeds of the two parties over ground just before, m/s.
+    pub speeds_mps: [f64; 2],
+}
+
+impl Collision {
+    /// The other party of a collision of the ego; `None` for a collision between two others.
+    pub fn with_ego(&self) -> Option<ActorId> {
+        let [first, second] = self.parties;
+        (first == ActorId::EGO).then_some(second)
+    }
+
+    /// Returns true if it is a collision of this actor, or of the ego ([`ActorId::EGO`]).
+    pub fn involves(&self, id: ActorId) -> bool {
+        self.parties.contains(&id)
+    }
 }
 
 /// A traffic rule broken by the ego.

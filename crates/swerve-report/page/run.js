@@ -80,6 +80,8 @@ function marksOf(page) {
   const marks = [];
   if (metrics.impact) marks.push({ t: metrics.impact.at_s * 1e6, text: "collision" });
   else if (metrics.min_distance_at_s != null) marks.push({ t: metrics.min_distance_at_s * 1e6, text: "closest" });
+  const others = metrics.first_collision_of_others;
+  if (others) marks.push({ t: others.at_s * 1e6, text: `${others.names.join(" and ")} collide` });
   const steps = (metrics.why?.steps ?? []).filter((step) => step.at_s != null);
   return [...marks, ...steps.map((step) => ({ t: step.at_s * 1e6, text: step.what.replaceAll("_", " "), isStep: true }))];
 }

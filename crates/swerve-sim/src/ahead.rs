@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
+use swerve_map::Map;
 use swerve_msg::ActorId;
 use swerve_msg::truth::WorldState;
 use swerve_scenario::Scenario;
@@ -24,6 +25,7 @@ const OFF_SCRIPT_M: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Ahead {
     shape: Shape,
+    map: Arc<Map>,
     actors: Vec<Settled>,
     /// Stamp of the newest state observed.
     newest: Option<Time>,
@@ -47,7 +49,7 @@ impl Ahead {
             is_off_script: false,
         };
         let actors = scenario.actors.iter().map(settled).collect();
-        Self { shape: params.vehicle.shape, actors, newest: None }
+        Self { shape: params.vehicle.shape, map: scenario.road.map(), actors, newest: None }
     }
 
     /// Observes a world state. All steps must be observed in order, or events are detected late. States that are not
@@ -59,7 +61,7 @@ impl Ahead {
         self.newest = Some(world.stamp);
         let ego = self.shape.footprint(world.ego.state.pose);
         for actor in &mut self.actors {
-            let view = View { own: actor.id, world, ego };
+            let view = View { own: actor.id, world, ego, map: &self.map };
             let Some(seen) = world.actor(actor.id) else { continue };
             let off_m = actor.pose(world.stamp).point().distance(seen.pose.point());
             actor.is_off_script |= off_m > OFF_SCRIPT_M;

@@ -1,6 +1,7 @@
-//! Contacts between the ego and an actor, in `f64` on the ground plane.
+//! Geometry of contacts of two bodies, in `f64` on the ground plane.
 
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
+use swerve_msg::Extent;
 use swerve_msg::truth::Actor;
 
 /// Closest points of two bodies, both in the map frame.
@@ -118,6 +119,49 @@ pub(crate) fn closing_speed(ego: &Obb, ego_motion: &Motion2, actor: &Actor, hori
     // The point on the ego was found on its extrapolated outline; its velocity is that of the unmoved body's point.
     let shift = ego_motion.velocity_of(ego.center.point()) * apart_s;
     along(ego_motion, actor, last_apart.on_ego - shift, normal)
+}
+
+/// Two actors as a rectangle with its motion and an actor, with the same distances. One of them gives the rectangle; of
+/// two round ones it is the centre of the first, and the second is larger by the radius of the first.
+fn as_rectangle(a: &Actor, b: &Actor) -> (Obb, Motion2, Actor) {
+    let (first, second) = if a.is_round() { (b, a) } else { (a, b) };
+    let motion = Motion2 { at: first.pose.point(), velocity_mps: first.velocity_mps, yaw_rate_radps: 0.0 };
+    if !first.is_round() {
+        return (first.footprint(), motion, second.clone());
+    }
+    let width_m = second.extent.width_m + first.extent.width_m;
+    let larger = Actor { extent: Extent { width_m, ..second.extent }, ..second.clone() };
+    (Obb::new(first.pose, 0.0, 0.0), motion, larger)
+}
+
+/// Pairs of actors whose bounding circles are at most `within_m` apart, as ordered indices, in order.
+pub(crate) fn near_pairs(actors: &[Actor], within_m: f64) -> Vec<[usize; 2]> {
+    let circle = |(i, actor): (usize, &Actor)| (actor.pose.point(), actor.footprint().radius(), i);
+    let mut circles: Vec<_> = actors.iter().enumerate().map(circle).collect();
+    circles.sort_by(|(a, of_a, i), (b, of_b, j)| (a.x_m - of_a).total_cmp(&(b.x_m - of_b)).then(i.cmp(j)));
+    let mut pairs = Vec::new();
+    for (k, &(a, of_a, i)) in circles.iter().enumerate() {
+        let right_m = a.x_m + of_a + within_m;
+        for &(b, of_b, j) in circles[k + 1..].iter().take_while(|(b, of_b, _)| b.x_m - of_b <= right_m) {
+            if a.distance(b) <= of_a + of_b + within_m {
+                pairs.push([i.min(j), i.max(j)]);
+            }
+        }
+    }
+    pairs.sort_unstable();
+    pairs
+}
+
+/// Gap between two actors, metres; zero if they touch.
+pub(crate) fn gap_of_actors_m(a: &Actor, b: &Actor) -> f64 {
+    let (rectangle, _, other) = as_rectangle(a, b);
+    other.gap_m(&rectangle)
+}
+
+/// [`closing_speed`] of two actors; their rotation is neglected.
+pub(crate) fn closing_speed_of_actors(a: &Actor, b: &Actor, horizon_s: f64) -> f64 {
+    let (rectangle, motion, other) = as_rectangle(a, b);
+    closing_speed(&rectangle, &motion, &other, horizon_s)
 }
 
 fn along(ego_motion: &Motion2, actor: &Actor, on_ego: Point2, normal: Vector2) -> f64 {

@@ -17,6 +17,7 @@
 mod ahead;
 mod bodies;
 mod contact;
+mod contacts;
 pub mod ego;
 mod rules;
 mod script;

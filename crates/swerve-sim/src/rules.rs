@@ -65,7 +65,7 @@ impl Rules {
     pub(crate) fn ended(&mut self, state: &WorldState, center: Point2) -> Option<EndReason> {
         let now = state.stamp;
         if self.first_collision.is_none() {
-            self.first_collision = state.collisions.first().map(|c| c.stamp);
+            self.first_collision = state.collisions_of_ego().next().map(|(_, hit)| hit.stamp);
         }
         let stands = self.stands(state, center);
         let over = |since: Option<Time>, for_s: f64| since.is_some_and(|t| now - t >= Span::from_secs(for_s));

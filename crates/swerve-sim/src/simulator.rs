@@ -5,6 +5,7 @@ use rapier3d::prelude::{ColliderHandle, PhysicsWorld};
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2, Vector2};
+use swerve_map::Map;
 use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState};
 use swerve_msg::{ActorId, Command, Route};
 use swerve_scenario::Scenario;
@@ -12,6 +13,7 @@ use swerve_world::{Driver, Movement, View, World};
 
 use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
+use crate::contacts::{Contacts, PARTED_M, PATIENCE, Touch};
 use swerve_vehicle::VehicleParams;
 
 use crate::ego::EgoCar;
@@ -52,21 +54,22 @@ pub struct Simulator {
     scenario: Scenario,
     params: SimParams,
     route: Route,
+    map: Arc<Map>,
     world: PhysicsWorld,
     ego: EgoCar,
     ego_collider: ColliderHandle,
     actors: Vec<Player>,
+    contacts: Contacts,
     rules: Rules,
     state: WorldState,
     /// The last command; the car keeps the one before if it is not finite.
     command: Command,
 }
 
-/// Body, driver and contact of one actor, in addition to its state.
+/// Body and driver of one actor, in addition to its state.
 struct Player {
     body: Body,
     driver: Box<dyn Driver>,
-    contact: Contact,
     /// Last position along the road, metres.
     s_m: f64,
 }
@@ -74,32 +77,16 @@ struct Player {
 /// Maximum distance along the road in one step, metres.
 const STEP_MAX_M: f64 = 5.0;
 
-/// Contact of the ego with one actor.
-#[derive(Clone, PartialEq, Debug)]
-enum Contact {
-    /// No contact.
-    None,
-    /// Contact; reported once the impulse is known, or without one after `patience` more steps.
-    Begun { collision: Collision, patience: u8 },
-    /// Reported contact. Ends once they have been apart by [`PARTED_M`] for [`PARTED`] since `touched`.
-    Reported { touched: Time },
-}
-
-/// Dynamic bodies just before a step: the ego, and the actors that were hit.
+/// World just before a step: the ego, the actors, and those that were hit.
 struct Before {
-    /// Indices of these actors.
+    actors: Vec<Actor>,
+    /// Indices of the actors that were hit.
     loose: Vec<usize>,
     outline: Obb,
     motion: Motion2,
     speed_mps: f64,
 }
 
-/// Gap that ends a contact after [`PARTED`], metres.
-const PARTED_M: f64 = 0.1;
-/// Time that two bodies must be apart for another contact to be a new collision and not a rebound.
-const PARTED: Span = Span::from_ms(1_000);
-/// Number of steps that a contact of the outlines waits for an impulse of the bodies.
-const PATIENCE: u8 = 2;
 /// Gap across which physics may act on bodies, metres.
 const MARGIN_M: f64 = 0.05;
 
@@ -140,14 +127,17 @@ impl Simulator {
             ended: None,
         };
         let rules = Rules::new(&scenario);
+        let map = scenario.road.map();
         let mut simulator = Self {
             scenario,
             params: params.clone(),
             route,
+            map,
             world,
             ego,
             ego_collider,
             actors: Vec::new(),
+            contacts: Contacts::default(),
             rules,
             state,
             command: Command::default(),
@@ -174,8 +164,14 @@ impl Simulator {
                 velocity_mps: movement.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            self.actors.push(Player { body, driver: Box::new(driver), contact: Contact::None, s_m: at.s_m });
+            self.actors.push(Player { body, driver: Box::new(driver), s_m: at.s_m });
             self.state.actors.push(state);
+        }
+        let actors = &self.state.actors;
+        for [i, j] in contact::near_pairs(actors, 0.0) {
+            if contact::gap_of_actors_m(&actors[i], &actors[j]) == 0.0 {
+                self.contacts.touch_from_start([actors[i].id, actors[j].id]);
+            }
         }
     }
 
@@ -187,7 +183,7 @@ impl Simulator {
         if self.actors[i].body.mode != Mode::Driven {
             return false;
         }
-        driver.observe(&View { own: id, world: &self.state, ego: self.outline() });
+        driver.observe(&View { own: id, world: &self.state, ego: self.outline(), map: &self.map });
         self.actors[i].driver = driver;
         true
     }
@@ -237,6 +233,7 @@ impl Simulator {
         for i in 0..self.actors.len() {
             self.receive(i, &before, &outline);
         }
+        self.contacts_of_others(&before);
         self.judge(&outline);
         self.show();
         &self.state
@@ -257,7 +254,8 @@ impl Simulator {
         };
         let is_loose = |&i: &usize| self.actors[i].body.mode == Mode::Hit;
         let loose = (0..self.actors.len()).filter(is_loose).collect();
-        Before { loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
+        let actors = self.state.actors.clone();
+        Before { actors, loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
     /// A movement of actor `i` on the ground.
@@ -312,7 +310,6 @@ impl Simulator {
 
     /// Updates the state of actor `i` after the step, and records a contact with the ego.
     fn receive(&mut self, i: usize, before: &Before, outline: &Obb) {
-        let earlier = self.state.actors[i].clone();
         match self.actors[i].body.mode {
             Mode::Fixed => {}
             Mode::Driven => {
@@ -322,12 +319,12 @@ impl Simulator {
             }
             Mode::Trial | Mode::Hit => self.actors[i].body.read(&self.world, &mut self.state.actors[i]),
         }
-        let touches_ego = self.contact(i, &earlier, before, outline);
+        let touches_ego = self.contact(i, before, outline);
         if self.actors[i].body.mode == Mode::Trial {
             if touches_ego || self.touches_loose(i) {
                 self.actors[i].body.mode = Mode::Hit;
             } else {
-                let rests = || self.placed(i, Movement::at_rest(earlier.pose));
+                let rests = || self.placed(i, Movement::at_rest(before.actors[i].pose));
                 let now = self.driven(i).unwrap_or_else(rests);
                 self.actors[i].body.restore(&mut self.world, &now);
                 self.put(i, now);
@@ -350,45 +347,74 @@ impl Simulator {
     }
 
     /// Updates the contact between the ego and actor `i`; returns true if they touch in this step.
-    fn contact(&mut self, i: usize, earlier: &Actor, before: &Before, outline: &Obb) -> bool {
+    fn contact(&mut self, i: usize, before: &Before, outline: &Obb) -> bool {
         let actor = &self.state.actors[i];
-        if self.actors[i].contact == Contact::None && !near(outline, actor, 2.0 * PARTED_M) {
+        let parties = [ActorId::EGO, actor.id];
+        if !near(outline, actor, 2.0 * PARTED_M) && !self.contacts.contains(parties) {
             return false;
         }
-        let gap_m = actor.gap_m(outline);
-        let impulse_n_s = bodies::impulse_n_s(&self.world, self.ego_collider, self.actors[i].body.collider);
-        let touching = gap_m == 0.0 || impulse_n_s > 0.0;
-        let contact = &mut self.actors[i].contact;
-        if *contact == Contact::None && touching {
-            let horizon_s = 2.0 * self.params.dt.as_secs();
-            let collision = Collision {
-                stamp: self.state.stamp,
-                actor: actor.id,
+        let collider = self.actors[i].body.collider;
+        let impulse_n_s = bodies::impulse_n_s(&self.world, self.ego_collider, collider);
+        let touch = Touch { gap_m: actor.gap_m(outline), impulse_n_s };
+        let (earlier, horizon_s) = (&before.actors[i], self.horizon_s());
+        let stamp = self.state.stamp;
+        let collision = self.contacts.update((parties, stamp), touch, PATIENCE, || Collision {
+            stamp,
+            parties,
+            impulse_n_s: 0.0,
+            closing_speed_mps: contact::closing_speed(&before.outline, &before.motion, earlier, horizon_s),
+            speeds_mps: [before.speed_mps, earlier.velocity_mps.norm()],
+        });
+        self.state.collisions.extend(collision);
+        touch.is_contact()
+    }
+
+    /// Updates the contacts between actors, once all of them have moved. Two that both rest cannot begin to touch.
+    fn contacts_of_others(&mut self, before: &Before) {
+        let actors = &self.state.actors;
+        let has_moved = |i: usize| actors[i].pose != before.actors[i].pose;
+        let mut pairs = Vec::new();
+        if (0..actors.len()).any(has_moved) {
+            pairs = contact::near_pairs(actors, PARTED_M);
+            pairs.retain(|pair| pair.iter().any(|&i| has_moved(i)));
+        }
+        let index = |id: ActorId| actors.binary_search_by_key(&id, |actor| actor.id).ok();
+        pairs.extend(self.contacts.parties().filter_map(|[a, b]| Some([index(a)?, index(b)?])));
+        pairs.sort_unstable();
+        pairs.dedup();
+        for pair in pairs {
+            self.contact_of_others(pair, before);
+        }
+    }
+
+    /// Updates the contact between two actors, given by their indices.
+    fn contact_of_others(&mut self, pair: [usize; 2], before: &Before) {
+        let (stamp, horizon_s) = (self.state.stamp, self.horizon_s());
+        let [a, b] = pair.map(|i| &self.actors[i].body);
+        // Drivers do not feel impulses: only bodies that were hit exert them.
+        let are_driven = a.mode != Mode::Hit && b.mode != Mode::Hit;
+        let impulse_n_s =
+            if are_driven { 0.0 } else { bodies::impulse_n_s(&self.world, a.collider, b.collider) };
+        let patience = if are_driven { 0 } else { PATIENCE };
+        let [a, b] = pair.map(|i| &self.state.actors[i]);
+        let parties = [a.id, b.id];
+        let touch = Touch { gap_m: contact::gap_of_actors_m(a, b), impulse_n_s };
+        let collision = self.contacts.update((parties, stamp), touch, patience, || {
+            let [a, b] = pair.map(|i| &before.actors[i]);
+            Collision {
+                stamp,
+                parties,
                 impulse_n_s: 0.0,
-                closing_speed_mps: contact::closing_speed(
-                    &before.outline,
-                    &before.motion,
-                    earlier,
-                    horizon_s,
-                ),
-                ego_speed_mps: before.speed_mps,
-            };
-            *contact = Contact::Begun { collision, patience: PATIENCE };
-        }
-        match contact {
-            Contact::Begun { collision, patience } if impulse_n_s > 0.0 || *patience == 0 => {
-                collision.impulse_n_s = impulse_n_s;
-                self.state.collisions.push(collision.clone());
-                *contact = Contact::Reported { touched: self.state.stamp };
+                closing_speed_mps: contact::closing_speed_of_actors(a, b, horizon_s),
+                speeds_mps: [a, b].map(|actor| actor.velocity_mps.norm()),
             }
-            Contact::Begun { patience, .. } => *patience -= 1,
-            Contact::Reported { touched } if gap_m <= PARTED_M || impulse_n_s > 0.0 => {
-                *touched = self.state.stamp;
-            }
-            Contact::Reported { touched } if self.state.stamp - *touched > PARTED => *contact = Contact::None,
-            _ => {}
-        }
-        touching
+        });
+        self.state.collisions.extend(collision);
+    }
+
+    /// Time ahead of a step within which a contact in it begins, seconds.
+    fn horizon_s(&self) -> f64 {
+        2.0 * self.params.dt.as_secs()
     }
 
     fn judge(&mut self, outline: &Obb) {
@@ -407,12 +433,16 @@ impl Simulator {
     fn show(&mut self) {
         let ego = self.outline();
         for (player, actor) in self.actors.iter_mut().zip(&self.state.actors) {
-            player.driver.observe(&View { own: actor.id, world: &self.state, ego });
+            player.driver.observe(&View { own: actor.id, world: &self.state, ego, map: &self.map });
         }
     }
 }
 
 impl World for Simulator {
+    fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+
     fn state(&self) -> &WorldState {
         &self.state
     }

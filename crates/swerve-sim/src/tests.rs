@@ -1,6 +1,7 @@
 //! The simulated world against closed forms.
 
 mod drivers;
+mod others;
 mod scenarios;
 
 use swerve_core::{Span, Time, digest_of};
@@ -189,8 +190,8 @@ fn car_hit_head_on_is_pushed_and_reported_once() {
     assert_eq!(collisions.len(), 1, "{collisions:?}");
     let hit = &collisions[0];
     println!("{hit:?}");
-    assert_eq!(hit.actor, ActorId(1));
-    assert!((hit.closing_speed_mps - 15.0).abs() < 0.1 && (hit.ego_speed_mps - 15.0).abs() < 0.1, "{hit:?}");
+    assert_eq!(hit.parties, [ActorId::EGO, ActorId(1)]);
+    assert!((hit.closing_speed_mps - 15.0).abs() < 0.1 && (hit.speeds_mps[0] - 15.0).abs() < 0.1, "{hit:?}");
     // Inelastic: m1 m2 / (m1 + m2) times the closing speed.
     let want = 1800.0 * 1500.0 / 3300.0 * 15.0;
     assert!((hit.impulse_n_s - want).abs() < 0.15 * want, "{} {want}", hit.impulse_n_s);
@@ -206,7 +207,7 @@ fn an_oncoming_car_closes_with_both_speeds() {
     let hit = &collisions[0];
     println!("{hit:?}");
     assert!((hit.closing_speed_mps - 25.0).abs() < 0.1, "{hit:?}");
-    assert!((hit.ego_speed_mps - 15.0).abs() < 0.1, "{hit:?}");
+    assert!((hit.speeds_mps[0] - 15.0).abs() < 0.1, "{hit:?}");
 }
 
 #[test]
@@ -233,7 +234,7 @@ fn car_from_the_side_closes_with_its_own_speed() {
     assert_eq!(hits.len(), 1);
     assert!((hits[0].stamp.as_secs() - 6.0).abs() < 0.02, "{hits:?}");
     assert!((hits[0].closing_speed_mps - 8.0).abs() < 0.05, "{hits:?}");
-    assert!((hits[0].ego_speed_mps - 10.0).abs() < 0.1, "{hits:?}");
+    assert!((hits[0].speeds_mps[0] - 10.0).abs() < 0.1, "{hits:?}");
     assert!(hits[0].impulse_n_s > 1000.0);
 }
 
@@ -244,8 +245,8 @@ fn ignore_the_person(speed_mps: f64) -> (swerve_msg::truth::Collision, WorldStat
     drive(&mut sim, |state| keep(state, speed_mps), |state| hits.extend(state.collisions.iter().cloned()));
     println!("{hits:?}");
     assert_eq!(hits.len(), 1);
-    assert_eq!(hits[0].actor, ActorId(2));
-    assert!((hits[0].ego_speed_mps - speed_mps).abs() < 0.1);
+    assert_eq!(hits[0].parties, [ActorId::EGO, ActorId(2)]);
+    assert!((hits[0].speeds_mps[0] - speed_mps).abs() < 0.1);
     (hits.remove(0), sim.state().clone())
 }
 
@@ -273,7 +274,18 @@ fn person_walks_into_the_side_at_20_mps() {
 fn pushed_car_pushes_the_next() {
     let row = format!("{PARKED}[[actor]]\nname = \"next\"\nkind = \"car\"\ns_m = 65.5\nd_m = 0.0\n");
     let (collisions, start, end) = run_into(&row, 200, 15.0);
-    assert_eq!(collisions.len(), 1, "the ego hits only the first: {collisions:?}");
+    let parties: Vec<_> = collisions.iter().map(|hit| hit.parties).collect();
+    assert_eq!(
+        parties,
+        [[ActorId::EGO, ActorId(1)], [ActorId(1), ActorId(2)]],
+        "the ego hits only the first"
+    );
+    let next = &collisions[1];
+    assert!(next.impulse_n_s > 1000.0 && next.closing_speed_mps > 1.0, "{next:?}");
+    assert!(
+        (next.speeds_mps[0] - next.closing_speed_mps).abs() < 0.1 && next.speeds_mps[1] < 0.1,
+        "{next:?}"
+    );
     assert!(end.actors[1].pose.x_m > start.actors[1].pose.x_m + 0.5, "{:?}", end.actors[1]);
 }
 

@@ -30,7 +30,7 @@ impl Observer for Readings {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
-            self.touched |= !world.collisions.is_empty();
+            self.touched |= world.collisions_of_ego().next().is_some();
         }
         if let Some(imu) = payload.downcast_ref::<Imu>() {
             let due = Time::ZERO + EVERY * self.lateral_mps2.len() as i64;

@@ -108,8 +108,8 @@ impl<'a> Case<'a> {
         let mut drive = Drive::new(self)?;
         loop {
             let world = drive.simulator.state();
-            if let Some(hit) = world.collisions.first() {
-                return Ok(seen.iter().find(|(id, _)| *id == hit.actor).map(|(_, at)| *at));
+            if let Some((hit, _)) = world.collisions_of_ego().next() {
+                return Ok(seen.iter().find(|(id, _)| *id == hit).map(|(_, at)| *at));
             }
             if world.ended.is_some() {
                 return Ok(None);
@@ -142,14 +142,14 @@ impl<'a> Case<'a> {
         family
     }
 
-    /// True if the manoeuvre, started `reaction` after first sight, avoids any contact and stays on the road.
+    /// True if the manoeuvre, started `reaction` after first sight, avoids any contact of the ego and stays on the road.
     fn clears(&self, reaction: Span, manoeuvre: Manoeuvre) -> anyhow::Result<bool> {
         let start = self.sight + reaction;
         let mut drive = Drive::new(self)?;
         let mut plan = None;
         loop {
             let world = drive.simulator.state();
-            if !world.collisions.is_empty() || !world.infractions.is_empty() {
+            if world.collisions_of_ego().next().is_some() || !world.infractions.is_empty() {
                 return Ok(false);
             }
             if world.ended.is_some() {

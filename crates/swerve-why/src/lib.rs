@@ -64,6 +64,15 @@ struct Ending {
 
 /// Describes the end of a drive that an actor decided.
 fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
+    ending_of_ego(metrics, decided) + &others_collided(metrics)
+}
+
+/// Describes the first collision between others, after another clause; empty if there is none.
+fn others_collided(metrics: &Metrics) -> String {
+    metrics.first_collision_of_others.as_ref().map_or_else(String::new, |hit| format!("; {}", hit.words()))
+}
+
+fn ending_of_ego(metrics: &Metrics, decided: &ActorMetrics) -> String {
     let came = || format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
     let stands_before = metrics.stands_before == Some(decided.actor);
     match (metrics.verdict, metrics.impact) {

@@ -145,7 +145,7 @@ impl Compared<'_> {
             true if (self.tick)(*first).is_some_and(|tick| stamp > tick) => Some(Answer::Effect(stamp)),
             true => Some(Answer::Unknown),
             // The motion of a crashed car no longer follows its commands.
-            false if !unaware.collisions.is_empty() => Some(Answer::Nothing),
+            false if unaware.collisions_of_ego().next().is_some() => Some(Answer::Nothing),
             false => None,
         };
         if self.answer.is_some() {

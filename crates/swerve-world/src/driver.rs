@@ -2,6 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::{Obb, Pose2, Vector2};
+use swerve_map::Map;
 use swerve_msg::ActorId;
 use swerve_msg::truth::WorldState;
 
@@ -30,6 +31,8 @@ pub struct View<'a> {
     pub world: &'a WorldState,
     /// Outline of the ego in that state.
     pub ego: Obb,
+    /// Lanes of the world.
+    pub map: &'a Map,
 }
 
 impl View<'_> {

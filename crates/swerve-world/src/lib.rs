@@ -1,6 +1,6 @@
 //! Traits of a simulated world: the world itself, and the drivers of the road users in it.
 //!
-//! A [`World`] advances under the commands of the egos and has a state, `swerve_msg::truth::WorldState`. `swerve_sim` is
+//! A [`World`] has a map, advances under the commands of the egos, and has a state, `swerve_msg::truth::WorldState`.
 //! an implementation; another simulator is one more.
 //!
 //! A [`Driver`] moves one road user. The world calls it once per step with everything that the driver may know, so that

@@ -1,11 +1,17 @@
 //! Worlds.
 
+use std::sync::Arc;
+
 use swerve_core::Time;
+use swerve_map::Map;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Command};
 
 /// A simulated world.
 pub trait World: Send {
+    /// Lanes of the world, the same for the whole run.
+    fn map(&self) -> &Arc<Map>;
+
     /// State at the instant that the world has reached.
     fn state(&self) -> &WorldState;
 

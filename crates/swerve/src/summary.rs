@@ -151,6 +151,13 @@ impl Summary {
             let _ = writeln!(text, "  {name:<20}{value}");
         };
         row("no collision", if m.impact.is_none() { "yes" } else { "no" }.to_owned());
+        if let Some(first) = &m.first_collision_of_others {
+            let more = match m.collisions_of_others {
+                0 | 1 => String::new(),
+                count => format!(", the first of {count} collisions"),
+            };
+            row("others", first.words() + &more);
+        }
         let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
         row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));
         if m.red_lights_passed > 0 {

@@ -236,7 +236,7 @@ impl Drive {
                 continue;
             }
             self.truth = world.ego.state;
-            self.collided |= !world.collisions.is_empty();
+            self.collided |= world.collisions_of_ego().next().is_some();
             self.left_road |= !world.infractions.is_empty();
             self.ended = self.ended.or(world.ended);
         }

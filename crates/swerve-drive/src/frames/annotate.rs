@@ -123,8 +123,8 @@ impl<'a> Canvas<'a> {
         let now = format!("{:5.2} s  {speed:4.1} m/s{status}", world.stamp.as_secs());
         self.words(At::new(14, 30), title, Rgb888::WHITE);
         self.words(At::new(14, 54), &now, Rgb888::WHITE);
-        if let Some(collision) = world.collisions.first() {
-            let words = format!("COLLISION at {:.1} m/s", collision.ego_speed_mps);
+        if let Some((_, collision)) = world.collisions_of_ego().next() {
+            let words = format!("COLLISION at {:.1} m/s", collision.speeds_mps[0]);
             self.words(At::new(14, 78), &words, ALARM);
         } else if !world.infractions.is_empty() {
             self.words(At::new(14, 78), "LEFT THE ROAD", ALARM);

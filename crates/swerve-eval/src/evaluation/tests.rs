@@ -1,6 +1,7 @@
 use super::*;
 use crate::verdict::tests::{actor, hit, world};
 use swerve_geom::{Pose2, Vector2};
+use swerve_msg::truth::Collision;
 use swerve_msg::{Extent, Obstacle};
 
 fn evaluation() -> Evaluation {
@@ -59,6 +60,34 @@ fn collision_with_a_person_is_reported_in_full() {
     assert_eq!(m.response.unwrap().p50_ms, 25.0);
     assert_eq!((m.plans.counts.gave_up, m.operators[0].p99_ms), (1, 25.0));
     assert_eq!((m.drive.duration_s, m.drive.path_length_m), (2.005, 41.0));
+}
+
+#[test]
+fn collision_of_others_is_counted_and_changes_nothing_else() {
+    let drive = |of_others: bool| {
+        let mut e = evaluation();
+        for k in 0..=40_i64 {
+            let mut state = world(k * 50, k as f64);
+            state.ego.state.speed_mps = 20.0;
+            let truck = actor(1, ActorKind::Truck, Pose2::new(60.0, 5.0, 0.0), 5.2, 2.6);
+            let person = actor(2, ActorKind::Pedestrian, Pose2::new(60.0, 3.4, 0.0), 0.5, 0.5);
+            state.actors = vec![truck, person];
+            if of_others && (k == 10 || k == 30) {
+                let (parties, speeds_mps) = ([ActorId(1), ActorId(2)], [0.0, 1.4]);
+                state.collisions = vec![Collision { parties, speeds_mps, ..hit(k * 50, 2) }];
+            }
+            state.ended = (k == 40).then_some(EndReason::Goal);
+            e.world(&state);
+            e.imu(&imu(k * 50, (k % 7) as f64));
+        }
+        e.metrics()
+    };
+    let (mut with, without) = (drive(true), drive(false));
+    assert_eq!((with.verdict, with.impact, with.collisions_of_others), (Verdict::Avoided, None, 2));
+    let first = with.first_collision_of_others.take().unwrap();
+    assert_eq!((first.at_s, first.words().as_str()), (0.5, "parked truck and person collided at 0.50 s"));
+    with.collisions_of_others = 0;
+    assert_eq!(with, without);
 }
 
 #[test]

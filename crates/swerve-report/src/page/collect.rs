@@ -238,7 +238,7 @@ impl Collector {
 
     fn world(&mut self, world: &WorldState) {
         self.has_world = true;
-        if world.ended.is_some() || !world.collisions.is_empty() {
+        if world.ended.is_some() || world.collisions_of_ego().next().is_some() {
             self.ego_due = world.stamp;
         }
         self.ego(&world.ego.state);

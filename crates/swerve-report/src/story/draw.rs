@@ -1,6 +1,6 @@
 //! Layout of the figure.
 
-use swerve_eval::{Metrics, Verdict};
+use swerve_eval::{Metrics, OthersImpact, Verdict};
 use swerve_msg::ActorKind;
 
 use super::changes::{Changes, changes};
@@ -96,6 +96,7 @@ fn headline(story: &Story, metrics: &Metrics) -> Vec<String> {
         let hero = hero.map_or_else(String::new, |a| format!(", {:.2} m ({})", a.min_distance_m, a.name));
         parts.push(format!("smallest distance {distance_m:.2} m ({to}){hero}"));
     }
+    parts.extend(metrics.first_collision_of_others.as_ref().map(OthersImpact::words));
     if let Some(at_s) = metrics.left_road_at_s {
         parts.push(format!("left the road at {at_s:.2} s"));
     }

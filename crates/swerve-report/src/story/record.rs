@@ -124,7 +124,7 @@ impl Story {
     /// Records the state of the world after one step.
     pub fn world(&mut self, world: &WorldState) {
         let due = self.ego.last().is_none_or(|last| world.stamp - last.stamp >= EGO_EVERY);
-        let eventful = world.ended.is_some() || !world.collisions.is_empty();
+        let eventful = world.ended.is_some() || world.collisions_of_ego().next().is_some();
         if due || eventful {
             push_within(&mut self.ego, EGO_MAX, world.ego.state);
         }

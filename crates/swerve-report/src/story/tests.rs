@@ -131,10 +131,10 @@ impl Drive {
                 hit = true;
                 world.collisions = vec![Collision {
                     stamp: at,
-                    actor: ActorId(2),
+                    parties: [ActorId::EGO, ActorId(2)],
                     impulse_n_s: 1500.0,
                     closing_speed_mps: 19.8,
-                    ego_speed_mps: 19.9,
+                    speeds_mps: [19.9, 2.75],
                 }];
             }
             world.ended = match hit {

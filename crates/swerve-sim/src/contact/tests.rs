@@ -146,3 +146,58 @@ fn closing_speeds_match_parrys_shape_cast() {
     let [half, nine_tenths] = [met / 2, met * 9 / 10].map(|k| off_mps[k]);
     assert!(half < 1e-3 && nine_tenths < 0.1, "half within {half} m/s, nine tenths within {nine_tenths} m/s");
 }
+
+#[test]
+fn gap_of_two_actors_is_symmetric_and_that_of_parry() {
+    let mut rng = Rng::keyed(1, "actors", &[]);
+    for _ in 0..2000 {
+        let (a, b) = (random(&mut rng), random(&mut rng));
+        let gap_m = gap_of_actors_m(&a, &b);
+        let parrys_m = query::distance(
+            &parrys_pose(a.pose),
+            parrys_shape(&a).as_ref(),
+            &parrys_pose(b.pose),
+            parrys_shape(&b).as_ref(),
+        )
+        .unwrap()
+        .distance;
+        assert!((gap_m - parrys_m).abs() < 1e-9, "{gap_m} {parrys_m} {a:?} {b:?}");
+        assert!((gap_m - gap_of_actors_m(&b, &a)).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn near_pairs_are_all_that_may_touch() {
+    let mut rng = Rng::keyed(1, "pairs", &[]);
+    let mut count = 0;
+    for n in 0..60 {
+        let mut actors: Vec<Actor> = (0..n % 12).map(|_| random(&mut rng)).collect();
+        actors.iter_mut().for_each(|actor| actor.pose.x_m *= 2.0);
+        let near = near_pairs(&actors, 0.1);
+        assert!(near.is_sorted() && near.iter().all(|[i, j]| i < j), "{near:?}");
+        for j in 0..actors.len() {
+            for i in 0..j {
+                let (a, b) = (&actors[i], &actors[j]);
+                let reach_m = a.footprint().radius() + b.footprint().radius() + 0.1;
+                let is_near = a.pose.point().distance(b.pose.point()) <= reach_m;
+                assert_eq!(near.contains(&[i, j]), is_near);
+                assert!(is_near || gap_of_actors_m(a, b) > 0.1);
+                count += usize::from(is_near);
+            }
+        }
+    }
+    assert!(count > 50, "{count}");
+}
+
+#[test]
+fn closing_speed_of_two_people_is_along_the_line_between_their_centres() {
+    let person = |x_m: f64, y_m: f64, velocity_mps| {
+        actor(ActorKind::Pedestrian, Pose2::new(x_m, y_m, 0.0), velocity_mps, 0.5, 0.5)
+    };
+    // They touch at an offset of 0.3 m across: 0.4 m remain along.
+    let a = person(0.0, 0.0, Vector2::new(2.0, 0.0));
+    let b = person(0.41, 0.3, Vector2::new(-1.0, 0.0));
+    for closing in [closing_speed_of_actors(&a, &b, 0.01), closing_speed_of_actors(&b, &a, 0.01)] {
+        assert!((closing - 3.0 * 0.8).abs() < 1e-3, "{closing}");
+    }
+}

@@ -5,7 +5,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
-use swerve_msg::truth::WorldState;
+use swerve_msg::truth::{Collision, WorldState};
 use swerve_msg::{
     CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, Route, Side,
     Signal,
@@ -22,8 +22,8 @@ const BACK_M: f64 = 0.5;
 
 /// Contacts of the ego that began in the step that led to this state.
 pub fn collisions(world: &WorldState) -> CollisionEvents {
-    let event = |collision: &swerve_msg::truth::Collision| {
-        let actor = world.actors.iter().find(|actor| actor.id == collision.actor)?;
+    let event = |(with, collision): (_, &Collision)| {
+        let actor = world.actor(with)?;
         Some(CollisionEvent {
             actor: actor.id,
             kind: actor.kind,
@@ -31,7 +31,7 @@ pub fn collisions(world: &WorldState) -> CollisionEvents {
             closing_speed_mps: collision.closing_speed_mps,
         })
     };
-    let mut events: Vec<_> = world.collisions.iter().filter_map(event).collect();
+    let mut events: Vec<_> = world.collisions_of_ego().filter_map(event).collect();
     events.sort_by_key(|event| event.actor);
     CollisionEvents { stamp: world.stamp, events }
 }

@@ -1,6 +1,9 @@
 //! Drivers of other crates in the simulated world.
 
+use std::sync::Arc;
+
 use swerve_geom::Pose2;
+use swerve_map::LaneId;
 use swerve_world::{Driver, Movement, View, World};
 
 use super::*;
@@ -58,6 +61,44 @@ fn driver_sees_the_ego_and_moves_its_actor() {
     assert!(speeds(&mut sim, 6.0).iter().all(|&v| v == 4.0));
     assert!(speeds(&mut sim, 9.0)[300..].iter().all(|&v| v == 2.0));
     assert!(sim.state().collisions.is_empty());
+}
+
+/// Drives along the centre of its lane.
+struct InLane {
+    lane: Option<LaneId>,
+    now: Movement,
+}
+
+impl Driver for InLane {
+    fn observe(&mut self, view: &View<'_>) {
+        let own = view.world.actor(view.own).unwrap().pose;
+        let lane = *self.lane.get_or_insert_with(|| view.map.at(own.point()).next().unwrap().lane);
+        let line = &view.map.lane(lane).unwrap().line;
+        let pose = line.at(line.project(own.point()).s_m).pose;
+        self.now = Movement { pose, velocity_mps: pose.direction() * 5.0 };
+    }
+
+    fn movement(&self, from: Time, to: Time) -> Option<Movement> {
+        let pose = self.now.pose.ahead(5.0 * (to - from).as_secs());
+        Some(Movement { pose, ..self.now })
+    }
+}
+
+#[test]
+fn driver_follows_a_lane_of_the_map_that_it_sees() {
+    let bend = BESIDE.replace("{ length_m = 300.0 }", "{ length_m = 300.0, curvature_1pm = -0.01 }");
+    let mut sim = exact(&scenario(&bend.replace("d_m = 6.0", "d_m = 4.5")), 200);
+    let map = Arc::clone(sim.map());
+    assert_eq!(*map, *sim.scenario().road.map());
+    let start = sim.state().actors[0].pose;
+    // An oncoming lane: the driver turns round and drives back along it.
+    assert!(sim.set_driver(ActorId(1), Box::new(InLane { lane: None, now: Movement::at_rest(start) })));
+    sim.advance(Time::from_ms(8000), &[(ActorId::EGO, Command::FULL_BRAKE)]);
+    let end = sim.state().actors[0].pose;
+    let place = map.at(end.point()).next().unwrap();
+    assert_eq!(place.lane, map.at(start.point()).next().unwrap().lane);
+    let on = map.lane(place.lane).unwrap().line.project(end.point());
+    assert!(on.d_m.abs() < 0.02 && end.point().distance(start.point()) > 35.0, "{on:?} {start:?} {end:?}");
 }
 
 #[test]

@@ -82,7 +82,7 @@ fn run(scenario: &Scenario, seed: u64, hz: i64) -> Figures {
             figures.min_distance_m = figures.min_distance_m.min(actor.gap_m(&outline));
         }
         if figures.first_hit.is_none() {
-            figures.first_hit = state.collisions.first().cloned();
+            figures.first_hit = state.collisions_of_ego().next().map(|(_, hit)| hit.clone());
         }
     }
     figures.end = sim.state().clone();
@@ -103,7 +103,7 @@ impl Figures {
     fn get(&self, metric: Metric) -> Option<f64> {
         match metric {
             Metric::MinDistanceM => Some(self.min_distance_m),
-            Metric::ImpactSpeedMps => self.first_hit.as_ref().map(|hit| hit.ego_speed_mps),
+            Metric::ImpactSpeedMps => self.first_hit.as_ref().map(|hit| hit.speeds_mps[0]),
             Metric::ClosingSpeedMps => self.first_hit.as_ref().map(|hit| hit.closing_speed_mps),
             Metric::EndSpeedMps => Some(self.end.ego.state.speed_mps),
             Metric::DurationS => Some(self.end.stamp.as_secs()),

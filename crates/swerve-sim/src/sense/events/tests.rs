@@ -206,12 +206,13 @@ fn collisions_are_reported_with_the_actor_hit() {
     assert_eq!(collisions(&world), CollisionEvents { stamp: world.stamp, events: Vec::new() });
     let hit = |id: u32, impulse_n_s: f64| Collision {
         stamp: Time::from_ms(500),
-        actor: ActorId(id),
+        parties: [ActorId::EGO, ActorId(id)],
         impulse_n_s,
         closing_speed_mps: 3.5,
-        ego_speed_mps: 9.0,
+        speeds_mps: [9.0, 0.0],
     };
-    world.collisions = vec![hit(7, 300.0), hit(4, 9000.0)];
+    let of_others = Collision { parties: [ActorId(4), ActorId(7)], ..hit(4, 50.0) };
+    world.collisions = vec![hit(7, 300.0), of_others, hit(4, 9000.0)];
     let message: Vec<_> = collisions(&world)
         .events
         .iter()
