@@ -514,8 +514,13 @@ mod tests {
         for (aspect, duration_s) in aspects.into_iter().zip([1.0, 10.0, 5.0, 4.0]) {
             program.push(aspect, duration_s);
         }
-        let light =
-            TrafficLight { name: String::new(), pose: Pose2::new(0.0, 0.0, 0.0), stop_s_m: None, program };
+        let light = TrafficLight {
+            name: String::new(),
+            pose: Pose2::new(0.0, 0.0, 0.0),
+            stop_s_m: None,
+            signal: None,
+            program,
+        };
         let at = |ms: i64| (light.phase(Time::from_ms(ms)), light.aspect(Time::from_ms(ms)));
         // Red since 4 s before the cycle begins.
         assert_eq!(at(0), ((Signal::Red, Span::from_ms(4000)), Aspect::RedYellow));

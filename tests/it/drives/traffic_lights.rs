@@ -8,7 +8,7 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::truth::{Verdict, WorldState};
 use swerve_msg::{RedLightEvents, Signal, TrafficLights};
 use swerve_scenario::Scenario;
-use swerve_stack::Setup;
+use swerve_stack::{Assembly, Setup};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
@@ -79,8 +79,7 @@ fn lights_are_told_as_they_are_from_15_to_40_m() {
             let sets = [
                 &format!("render.weather={weather}"),
                 "camera.front.period_ms=100",
-                "operator.stop_lines.enabled=false",
-                "operator.planner.reads={}",
+                "sensing.traffic_lights=false",
                 &format!("operator.lights.map={map}"),
             ];
             let (seen, _, scenario) = drive(&fast, &sets, Some(3200));
@@ -233,10 +232,14 @@ fn passed_red_light_is_unexpected_unless_the_scenario_expects_it() {
 #[test]
 fn only_roads_with_lights_have_light_operators() {
     let dark = RED[..RED.find("[[road.light]]").unwrap()].to_owned() + &RED[RED.find("[ego]").unwrap()..];
+    let reads_lights = |assembly: &Assembly| {
+        let behaviour = assembly.operator("behaviour").unwrap();
+        behaviour.inputs.iter().any(|input| input.port.name == "lights" && !input.from.is_empty())
+    };
     let has = |text: &str, sets: &[&str]| {
         let scenario = Scenario::parse("own", text).unwrap();
         let assembly = Pipeline::build(&common::config(sets), &scenario).unwrap().assembly;
-        (assembly.has("lights"), assembly.has("stop_lines"))
+        (assembly.has("lights"), reads_lights(&assembly))
     };
     assert_eq!(has(RED, &[]), (true, true));
     assert_eq!(has(&dark, &[]), (false, false));

@@ -246,14 +246,14 @@ const SCENARIO: &str = r#"
 const ON_MAP: &str = r#"
     name = "on_map"
     map = { file = "crossing.xodr", friction = 0.9, light = [{ controller = "north_south", green_s = 10.0, yellow_s = 3.0,
-      red_s = 10.0, offset_s = 1.0 }] }
+      red_s = 10.0, offset_s = 1.0 }], closure = [{ at = TO, reported_s = 1.0 }] }
     ego = { start = FROM, via = [VIA], goal = TO, target_speed_mps = 10.0 }
     actor = [{ name = "box", kind = "car", start = FROM_2, via = [VIA], goal = TO }]
 "#;
 
 /// Text of a scenario that has a key; with places of the form that the key belongs to.
 fn scenario_with(key: &str) -> String {
-    let is_place = ["start", "via", "goal"].iter().any(|part| key.split('.').any(|one| one == *part));
+    let is_place = ["start", "via", "goal", "at"].iter().any(|part| key.split('.').any(|one| one == *part));
     if !(key.starts_with("map.") || is_place) {
         return SCENARIO.to_owned();
     }
@@ -287,6 +287,7 @@ fn place_in_scenario(key: &str) -> String {
             .replace("segments.NAME", "segments.0")
             .replace("via.NAME", "via.0")
             .replace("map.light.a", "map.light.0")
+            .replace("closure.NAME", "closure.0")
     });
     format!("scenario.{place}")
 }

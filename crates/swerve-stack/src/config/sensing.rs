@@ -38,8 +38,7 @@ pub struct SensingConfig {
     #[ranges(nested)]
     pub mount: Option<SensorMount>,
     /// Detects traffic lights of the scenario as the obstacle sensor detects actors, and stops at red ones; an operator
-    /// of the kind `traffic_lights` replaces the sensor, one of the kind `stop_lines` turns both off. When absent with
-    /// the planning preset `best`.
+    /// of the kind `traffic_lights` replaces the sensor. When absent with the planning preset `best`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic_lights: Option<bool>,
     /// Period of the pose sensor, ms.
