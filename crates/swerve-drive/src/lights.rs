@@ -58,7 +58,7 @@ mod tests {
         let scenario = Scenario::parse(file, text).unwrap();
         let metrics = crate::drive(&swerve_stack::Setup::default(), &scenario).unwrap().metrics;
         let (verdict, passed, duration_s) =
-            (metrics.verdict, metrics.safety.red_lights_passed, metrics.drive.duration_s);
+            (metrics.verdict, metrics.red_lights_passed, metrics.drive.duration_s);
         assert_eq!((verdict, passed), (swerve_eval::Verdict::Completed, 0));
         // 59 m at 2 m/s from the light, if it is left at 58 s.
         assert!((58.0 + 20.0..58.0 + 40.0).contains(&duration_s), "{duration_s} s");
