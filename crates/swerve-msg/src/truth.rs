@@ -261,3 +261,45 @@ pub struct Surroundings {
     /// Visible actors, ordered by identity, in the map.
     pub obstacles: Vec<Obstacle>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn collisions_of_the_ego_and_of_others_are_told_apart() {
+        let of = |parties: [u32; 2]| Collision {
+            stamp: Time::ZERO,
+            parties: parties.map(ActorId),
+            impulse_n_s: 0.0,
+            closing_speed_mps: 1.0,
+            speeds_mps: [1.0, 0.0],
+        };
+        let zero = Vector::new(0.0, 0.0, 0.0);
+        let world = WorldState {
+            stamp: Time::ZERO,
+            ego: EgoTruth {
+                map_from_ego: Transform::from_roll_pitch_yaw(
+                    swerve_geom::Point::new(0.0, 0.0, 0.0),
+                    0.0,
+                    0.0,
+                    0.0,
+                ),
+                state: EgoState::default(),
+                velocity_mps: zero,
+                specific_force_mps2: Vector::new(0.0, 0.0, 0.0),
+                angular_velocity_radps: Vector::new(0.0, 0.0, 0.0),
+            },
+            actors: Vec::new(),
+            collisions: vec![of([3, 4]), of([0, 3]), of([1, 3])],
+            infractions: Vec::new(),
+            ended: None,
+        };
+        let of_ego: Vec<_> =
+            world.collisions_of_ego().map(|(other, hit)| (other.0, hit.parties[1].0)).collect();
+        let of_others: Vec<_> = world.collisions_of_others().map(|hit| hit.parties.map(|id| id.0)).collect();
+        assert_eq!((of_ego, of_others), (vec![(3, 3)], vec![[3, 4], [1, 3]]));
+        let involving = |id| world.collisions.iter().filter(|hit| hit.involves(id)).count();
+        assert_eq!([ActorId::EGO, ActorId(3), ActorId(4), ActorId(9)].map(involving), [1, 3, 1, 0]);
+    }
+}

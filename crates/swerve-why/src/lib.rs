@@ -64,15 +64,6 @@ struct Ending {
 
 /// Describes the end of a drive that an actor decided.
 fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
-    ending_of_ego(metrics, decided) + &others_collided(metrics)
-}
-
-/// Describes the first collision between others, after another clause; empty if there is none.
-fn others_collided(metrics: &Metrics) -> String {
-    metrics.first_collision_of_others.as_ref().map_or_else(String::new, |hit| format!("; {}", hit.words()))
-}
-
-fn ending_of_ego(metrics: &Metrics, decided: &ActorMetrics) -> String {
     let came = || format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
     let stands_before = metrics.stands_before == Some(decided.actor);
     match (metrics.verdict, metrics.impact) {
@@ -126,6 +117,14 @@ fn hit(name: &str, impact: &Impact) -> String {
     format!("it hit {name} at {at_s:.2} s with {ego_speed_mps:.1} m/s")
 }
 
+/// Adds the first collision between others, if there is one, to the end of the sentence.
+fn with_collision_of_others(mut why: Why, metrics: &Metrics) -> Why {
+    if let Some(hit) = &metrics.first_collision_of_others {
+        why.sentence += &format!("; {}", hit.words());
+    }
+    why
+}
+
 fn impact_of(metrics: &Metrics) -> Option<Time> {
     metrics.impact.map(|impact| Time::ZERO + Span::from_secs(impact.at_s))
 }
@@ -175,13 +174,15 @@ impl Logged {
     /// actor did.
     pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
-        let DecidedBy::Actor(decided) = metrics.decided_by() else {
-            return other::told(self, &pipeline, metrics);
+        let why = match metrics.decided_by() {
+            DecidedBy::Actor(decided) => {
+                let (words, impact) = (ending(metrics, decided), impact_of(metrics));
+                let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
+                self.chain(pipeline, ending)?
+            }
+            _ => other::told(self, &pipeline, metrics)?,
         };
-        let words = ending(metrics, decided);
-        let impact = impact_of(metrics);
-        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
-        self.chain(pipeline, ending)
+        Ok(with_collision_of_others(why, metrics))
     }
 
     /// Causal chain of the named actor, else of the nearest one at an instant, else of the one that decided the

@@ -9,7 +9,7 @@ use swerve_msg::{EgoState, Signal};
 use swerve_stack::pipeline::Pipeline;
 
 use super::ego_only::EgoOnly;
-use super::{BRAKES_MPS2, Logged, others_collided};
+use super::{BRAKES_MPS2, Logged};
 
 /// Speed below which the car counts as stationary, m/s, and minimum duration of a reported standstill.
 const STANDS_MPS: f64 = 0.1;
@@ -53,7 +53,6 @@ pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> a
         let waited = if waited > Span::ZERO { vec![(reason, waited)] } else { Vec::new() };
         accounts.push((what, at, waited));
     }
-    let sentence = sentence + &others_collided(metrics);
     Ok(Why::without_actor(metrics.verdict, sentence, &accounts))
 }
 

@@ -100,14 +100,18 @@ fn stationary_ego_is_hit() {
 }
 
 #[test]
-fn collision_of_others_is_named_after_the_end_of_the_ego() {
-    let of_others = |metrics: &mut Metrics| {
+fn collision_of_others_is_named_at_the_end() {
+    let metrics = measured(|metrics| {
         let names = ["lead", "truck"].map(str::to_owned);
         let first = swerve_eval::OthersImpact { names, at_s: 3.204, closing_speed_mps: 6.0 };
-        metrics.verdict = Verdict::Avoided;
         (metrics.collisions_of_others, metrics.first_collision_of_others) = (1, Some(first));
+    });
+    let why = |metrics| {
+        let why = Why::without_actor(Verdict::Completed, "it came to the end of its way".into(), &[]);
+        with_collision_of_others(why, metrics).sentence
     };
-    assert_eq!(words(of_others), "it came within 0.70 m of lead; lead and truck collided at 3.20 s");
+    assert_eq!(why(&metrics), "it came to the end of its way; lead and truck collided at 3.20 s");
+    assert_eq!(why(&measured(|_| {})), "it came to the end of its way");
 }
 
 /// On a slippery road the car leaves the road soon after 2 s without a new pose: the gap decides.

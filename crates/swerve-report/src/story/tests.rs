@@ -1,5 +1,7 @@
 use swerve_core::{Span, Time};
-use swerve_eval::{Evaluation, Metrics, Milestone, Norm, Outline, Params, Verdict, Why, WhyStep};
+use swerve_eval::{
+    Evaluation, Metrics, Milestone, Norm, OthersImpact, Outline, Params, Verdict, Why, WhyStep,
+};
 use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, Collision, EgoTruth, EndReason, WorldState};
 use swerve_msg::{
@@ -211,6 +213,18 @@ fn story_shows_a_collision() {
     for part in ["COLLISION", "collision with person 5.", "impact at 19.9 m/s", "no path found"] {
         assert!(svg.contains(part), "{part}");
     }
+}
+
+#[test]
+fn story_names_both_parties_of_a_collision_of_others() {
+    let mut story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
+    let without = draw(&story).svg();
+    let names = ["van", "cyclist"].map(str::to_owned);
+    let first = OthersImpact { names, at_s: 3.2, closing_speed_mps: 5.0 };
+    story.metrics.as_mut().unwrap().first_collision_of_others = Some(first);
+    let svg = draw(&story).svg();
+    assert!(svg.contains("AVOIDED") && svg.contains("van and cyclist collided at 3.20 s"), "{svg}");
+    assert!(!without.contains("collided"));
 }
 
 /// Text elements of a figure, including axis numbers.
