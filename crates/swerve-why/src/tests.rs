@@ -106,7 +106,7 @@ fn collision_of_others_is_named_at_the_end() {
         let first = swerve_eval::OthersImpact { names, at_s: 3.204, closing_speed_mps: 6.0 };
         (metrics.collisions_of_others, metrics.first_collision_of_others) = (1, Some(first));
     });
-    let why = |metrics| {
+    let why = |metrics: &Metrics| {
         let why = Why::without_actor(Verdict::Completed, "it came to the end of its way".into(), &[]);
         with_collision_of_others(why, metrics).sentence
     };
