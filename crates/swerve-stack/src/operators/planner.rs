@@ -31,13 +31,13 @@ use crate::site::Site;
 /// A motion planner.
 pub(super) struct Planners;
 
-/// Predictions, and past poses including the one of the same stamp.
+/// A decision, and past predictions and poses including those of the same stamp.
 #[derive(Inputs)]
 struct In {
-    /// Predictions of the other road users.
-    predictions: At<PredictionList>,
     /// Ground, speeds and stops to plan within.
     decision: At<Decision>,
+    /// Predictions of the other road users, among them those that the decision is based on.
+    predictions: Window<PredictionList, PREDICTIONS>,
     /// Newest routes, among them that of the decision.
     routes: Window<Route, ROUTES>,
     /// Past poses of the ego.
@@ -101,6 +101,8 @@ impl OperatorKind for Planners {
     }
 }
 
+/// Past predictions kept to find those of a decision: up to the age of a decision, at 20 Hz.
+const PREDICTIONS: usize = 32;
 /// Routes kept to find that of a decision: a route is in force for much longer than a decision takes.
 const ROUTES: usize = 2;
 /// Identities of places to stop at count down from this: tracks count up.
@@ -316,12 +318,14 @@ impl Operator for PlannerOperator {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
         // On a timer it plans again from predictions that it has planned from, as the ego has moved on.
-        let news = input.predictions.get().map(Message::shared);
-        self.memory.predictions = news.or(self.memory.predictions.take());
+        if let Some(decision) = input.decision.get() {
+            let mut lists = input.predictions.get().iter().rev();
+            let Some(predictions) = lists.find(|list| list.stamp == decision.stamp) else { return };
+            self.memory.predictions = Some(predictions.shared());
+            self.memory.decision = Some(decision.shared());
+        }
         let instant = if self.is_timed { cx.now() } else { cx.stamp() };
         let measured = measured_at(instant, &input.poses);
-        let decided = input.decision.get().map(Message::shared);
-        self.memory.decision = decided.or(self.memory.decision.take());
         let (Some(predictions), Some(measured)) = (self.memory.predictions.clone(), measured) else { return };
         let Some(decision) = self.memory.decision.clone() else { return };
         let Some(route) = self.ground(&decision, input.routes.get()) else { return };

@@ -26,7 +26,8 @@ pub(super) struct Router {
 pub(super) struct In {
     /// Period of the checks.
     tick: Every,
-    /// State of the ego.
+    /// Past state of the ego: a localizer reads the route.
+    #[port(feedback)]
     ego: Latest<EgoState>,
     /// Places that are closed to traffic.
     closures: Option<Latest<Closures>>,
