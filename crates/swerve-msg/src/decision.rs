@@ -57,12 +57,14 @@ impl Decision {
     /// Speed at arc length `s_m` from which the ego keeps all limits, those ahead with a deceleration of `brake_mps2`,
     /// m/s; infinite without a limit.
     pub fn speed_mps(&self, s_m: f64, brake_mps2: f64) -> f64 {
-        let here = self.limits.partition_point(|limit| limit.from_m <= s_m).max(1) - 1;
+        let begun = self.limits.partition_point(|limit| limit.from_m <= s_m);
         let before = |limit: &SpeedLimit| {
             let ahead_m = (limit.from_m - s_m).max(0.0);
             (limit.speed_mps * limit.speed_mps + 2.0 * brake_mps2 * ahead_m).sqrt()
         };
-        self.limits.iter().skip(here).map(before).fold(f64::INFINITY, f64::min)
+        // The first limit holds before its start too.
+        let here_mps = self.limits.get(begun.max(1) - 1).map_or(f64::INFINITY, |limit| limit.speed_mps);
+        self.limits.iter().skip(begun.max(1)).map(before).fold(here_mps, f64::min)
     }
 
     /// Distance from arc length `s_m` for which moving road users may be overtaken, metres; infinite without a limit.

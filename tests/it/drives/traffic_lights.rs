@@ -8,8 +8,8 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::truth::{Verdict, WorldState};
 use swerve_msg::{RedLightEvents, Signal, TrafficLights};
 use swerve_scenario::Scenario;
-use swerve_stack::{Assembly, Setup};
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Assembly, Setup};
 use swerve_text::Document;
 
 use crate::common;
