@@ -40,8 +40,6 @@ pub mod lane_map;
 pub mod lanelet2;
 pub mod links;
 mod map_file;
-#[cfg(test)]
-mod mutated;
 pub mod opendrive;
 pub mod overview;
 pub mod picture;
@@ -54,6 +52,8 @@ pub mod summary;
 pub mod sumo;
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;
 mod xml;
 
 pub use map_file::MapFile;

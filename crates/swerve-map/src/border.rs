@@ -12,7 +12,7 @@ use stations::Stations;
 ///
 /// Constant, or linear between stations and constant before the first and beyond the last. Two stations at the same
 /// arc length form a step, at which the second applies. Its text form is a number, or a list of `[s_m, distance_m]`; its
-/// binary form is the list.
+/// binary form is the list, of which an empty one is a border on the line.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Border(Form);
 

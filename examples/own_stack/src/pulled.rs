@@ -3,12 +3,11 @@
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
 use swerve_geom::Pose2;
-use swerve_localization::flat::Origin;
 use swerve_msg::{EgoState, Gnss, Route, WheelOdometry};
 use swerve_stack::{Kind, NamedLocalizer, Node, Site};
 
 /// Keys, origin of the map, and the newest state.
-pub struct Pulled(Table, Origin, Option<EgoState>);
+pub struct Pulled(Table, swerve_localization::flat::Origin, Option<EgoState>);
 
 /// Its keys in `[operator.localizer]`.
 #[derive(Serialize, Deserialize, Default)]
@@ -39,9 +38,8 @@ impl Operator for Pulled {
     type In = In;
     type Out = Port<EgoState>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let (Some(wheels), Some(fix)) = (input.wheels.get(), input.fix.get()) else { return };
-        let Some(route) = input.route.get() else { return };
+    fn step(&mut self, _: &mut Context<'_>, In { wheels, fix, route }: &In, out: &mut Self::Out) {
+        let (Some(wheels), Some(fix), Some(route)) = (wheels.get(), fix.get(), route.get()) else { return };
         let place = self.1.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m);
         let Some([x_m, y_m, _]) = place else { return };
         let &WheelOdometry { stamp, speed_mps, yaw_rate_radps, steering_rad, .. } = &**wheels;

@@ -37,13 +37,17 @@ impl Serialize for Border {
 
 impl<'de> Deserialize<'de> for Border {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let pairs = match deserializer.is_human_readable() {
+        let is_text = deserializer.is_human_readable();
+        let pairs = match is_text {
             true => match Text::deserialize(deserializer)? {
                 Text::Constant(distance_m) => vec![(0.0, distance_m)],
                 Text::Stations(pairs) => pairs,
             },
             false => Vec::deserialize(deserializer)?,
         };
+        if pairs.is_empty() && !is_text {
+            return Ok(Self::constant(0.0));
+        }
         border(&pairs).map_err(serde::de::Error::custom)
     }
 }
@@ -63,5 +67,9 @@ mod tests {
         assert_eq!(postcard::to_allocvec(&lists).unwrap(), bytes);
         let wrong = postcard::to_allocvec(&(vec![(3.0, 2.0), (2.0, 3.5)], vec![(0.0, 1.5)])).unwrap();
         assert!(postcard::from_bytes::<Borders>(&wrong).is_err());
+        // Schemas are traced with empty lists.
+        let none: (Vec<(f64, f64)>, Vec<(f64, f64)>) = (Vec::new(), Vec::new());
+        let bytes = postcard::to_allocvec(&none).unwrap();
+        assert_eq!(postcard::from_bytes::<Borders>(&bytes).unwrap(), Borders::constant(0.0, 0.0));
     }
 }

@@ -73,10 +73,10 @@ fn reads<'a>(assembly: &'a Assembly, operator: &str) -> Vec<(&'a str, Vec<String
 #[test]
 fn built_in_pipeline_matches_its_text() {
     let default = assembly("");
-    let stack = ["tracker", "predictor", "planner", "controller"];
+    let stack = ["router", "tracker", "predictor", "behaviour", "planner", "controller"];
     assert_eq!(names(&default), [&["world", "obstacles", "pose", "imu"][..], &stack[..]].concat());
     assert_eq!(
-        names(&assembly("[gate]\nenabled = true\n"))[8..],
+        names(&assembly("[gate]\nenabled = true\n"))[10..],
         ["report", "switch", "gate", "pedals"],
         "the gate's operators come behind it"
     );
@@ -136,13 +136,16 @@ fn operators_can_be_added_replaced_and_left_out() {
     let left_out = assembly("[operator.imu]\nenabled = false\n");
     assert!(!left_out.has("imu") && left_out.has("pose"));
     let added = assembly(
-        "[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n",
+        "[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.behaviour]\nreads = { predictions = \"second\" }\n[operator.planner]\nreads = { predictions = \"second\" }\n",
     );
-    assert_eq!(reads(&added, "second"), [("tracks", vec!["tracker".to_owned()])]);
-    assert_eq!(reads(&added, "planner")[0], ("predictions", vec!["second".to_owned()]));
+    assert_eq!(
+        reads(&added, "second"),
+        [("tracks", vec!["tracker".to_owned()]), ("route", vec!["router".to_owned()])]
+    );
+    assert_eq!(reads(&added, "planner")[1], ("predictions", vec!["second".to_owned()]));
     let place = |name| names(&added).iter().position(|own| *own == name).unwrap();
     assert!(place("tracker") < place("second") && place("second") < place("planner"));
-    let config = read("[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n", &[]).unwrap();
+    let config = read("[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.behaviour]\nreads = { predictions = \"second\" }\n[operator.planner]\nreads = { predictions = \"second\" }\n", &[]).unwrap();
     let horizon = |name: &str| added.operator(name).unwrap().settings(&config).setup.prediction.horizon_ms;
     assert_eq!((horizon("second"), horizon("predictor")), (2000.0, 5000.0), "its own key is its alone");
 }
@@ -236,7 +239,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.predictor]\nreads = { track = \"tracker\" }\n",
-        "c.toml:2: operator.predictor.reads.track: `predictor` has no port of this name, expected one of tracks; did you mean `tracks`?",
+        "c.toml:2: operator.predictor.reads.track: `predictor` has no port of this name, expected one of tracks, route; did you mean `tracks`?",
     ),
     (
         "[operator.predictor]\nreads = { tracks = \"trackr\" }\n",
@@ -248,7 +251,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.second]\nkind = \"predictor\"\n",
-        "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.planner] reads = { predictions = \"...\" }",
+        "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.behaviour] reads = { predictions = \"...\" }, [operator.planner] reads = { predictions = \"...\" }",
     ),
     (
         "[operator.predictor]\nenabled = false\n",
@@ -377,6 +380,7 @@ fn problems_are_reported_without_their_consequences() {
             "[operator.second]\nkind = \"pose_sensor\"\n",
             &[
                 "c.toml:1: operator.second: several streams carry `EgoState`: name one of \"pose\", \"second\" in \
+               [operator.router] reads = { ego = \"...\" }, [operator.behaviour] reads = { poses = \"...\" }, \
                [operator.planner] reads = { poses = \"...\" }, [operator.controller] reads = { ego = \"...\" }",
             ],
         ),

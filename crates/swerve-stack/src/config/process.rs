@@ -154,7 +154,7 @@ mod tests {
         let refused =
             |operator: &str| problems(&format!("[process.a]\noperators = [\"{operator}\"]\n")).join("\n");
         let expected = "c.toml:2: process.a.operators[0]: `world` stays in the coordinator, it is the world; \
-                        expected one of tracker, predictor, planner";
+                        expected one of router, tracker, predictor, behaviour, planner";
         assert_eq!(refused("world"), expected);
         assert!(refused("controller").contains("it is the actuation"));
         for sensor in ["obstacles", "pose", "imu", "gnss", "odometry", "collisions", "red_lights"] {

@@ -13,13 +13,14 @@ use crate::route::stop;
 use crate::testing::{networks, scenario_maps};
 
 /// Lanes for driving, shoulders and sidewalks; junctions, lanes inside, rights of way; signals, stop lines.
-const MAPS: [(&str, [usize; 8]); 6] = [
+const MAPS: [(&str, [usize; 8]); 7] = [
     ("crossing.xodr", [20, 0, 12, 1, 16, 0, 4, 4]),
     ("crossing_priority.xodr", [20, 0, 12, 1, 16, 20, 0, 2]),
     ("crossing_right_first.xodr", [20, 0, 12, 1, 16, 0, 0, 0]),
     ("ramp.xodr", [14, 7, 0, 1, 5, 0, 0, 0]),
     ("roundabout.xodr", [24, 0, 20, 4, 20, 4, 0, 4]),
     ("two_lane_road.xodr", [2, 2, 0, 0, 0, 0, 0, 0]),
+    ("two_ways.xodr", [20, 0, 14, 2, 18, 0, 0, 0]),
 ];
 
 fn read(name: &str) -> (Network, Imported) {
