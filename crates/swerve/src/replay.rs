@@ -16,7 +16,7 @@ use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOption
 use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, Recorder, RunEnd, left_out};
 use swerve_msg::truth::PointInstances;
-use swerve_msg::{Decision, Image, LocalPose, PointCloud, PoseMatch, TrackList};
+use swerve_msg::{Image, LocalPose, PointCloud, PoseMatch, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::Progress;
@@ -142,7 +142,8 @@ impl Cut {
             section.is_some_and(|section| section.table() == Some(from))
         };
         // Planning begins with the behaviour planner, which has its own keys.
-        let decides = |name: &&str| from == "planning" && assembly.publisher::<Decision>() == Some(*name);
+        let decides =
+            |name: &&str| from == "planning" && assembly.publisher::<swerve_msg::Decision>() == Some(*name);
         let is_set_by = |name: &&str| is_set_by(name) || decides(name);
         let at = known.iter().position(|known| *known == from);
         let Some(at) = at.or_else(|| known.iter().position(is_set_by)) else {

@@ -229,14 +229,7 @@ impl PlannerOperator {
         let here = memory.place.of(decision.route).locate(route.line(), measured.pose);
         let reach_m = measured.pose.point().distance(start.pose.point()) + 1.0;
         let place = route.project_near(start.pose.point(), here.s_m, reach_m);
-        let is_plausible = predictions.predictions.iter().all(Prediction::is_plausible);
-        let predictions = match is_plausible && decision.stops.is_empty() {
-            true => Cow::Borrowed(&predictions.predictions),
-            false => {
-                let plausible = predictions.predictions.iter().filter(|p| p.is_plausible()).cloned();
-                Cow::Owned(plausible.chain(stops(decision, route)).collect())
-            }
-        };
+        let predictions = obstacles(&predictions.predictions, decision, route);
         let on_route = Here { ego: measured, place: here, route };
         let stop = memory.trust.stop(on_route);
         let free_mps = decision.speed_mps(place.s_m + AHEAD_S * start.speed_mps, EASE_MPS2);
@@ -253,7 +246,7 @@ impl PlannerOperator {
             target_speed_mps,
             overtake_max_m,
             changed_lately: &changed_lately,
-            predictions: walled.as_ref().unwrap_or(&predictions),
+            predictions: walled.as_deref().unwrap_or(&predictions),
             shape: &self.shape,
             limits: &self.limits,
             previous,
@@ -302,6 +295,15 @@ pub(super) fn measured_at(instant: Time, poses: &Window<EgoState, POSES>) -> Opt
     let first = poses.next()?;
     let before = poses.rev().find(|p| p.header().stamp <= instant);
     Some(before.unwrap_or(first))
+}
+
+/// Plausible predictions, and the places of a decision to stop at.
+fn obstacles<'a>(all: &'a [Prediction], decision: &Decision, route: &Route) -> Cow<'a, [Prediction]> {
+    if decision.stops.is_empty() && all.iter().all(Prediction::is_plausible) {
+        return Cow::Borrowed(all);
+    }
+    let plausible = all.iter().filter(|one| one.is_plausible()).cloned();
+    Cow::Owned(plausible.chain(stops(decision, route)).collect())
 }
 
 /// Places of a decision to stop at, as obstacles.
