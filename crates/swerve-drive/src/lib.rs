@@ -36,5 +36,5 @@ pub use measured::{norm, outline};
 pub use overwrite::OverwriteArgs;
 pub use recording::{Recording, left_out_of_logs, logged_scenario, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
-pub use story::{story, title};
+pub use story::{conclude, story, title};
 pub use trust::CodeArgs;

@@ -1,5 +1,7 @@
 //! Story picture of a run, filled during the run.
 
+use swerve_core::{Span, Time};
+use swerve_eval::{Metrics, Why};
 use swerve_geom::{FrenetPoint, Point2};
 use swerve_map::Lane;
 use swerve_report::story::Story;
@@ -36,6 +38,13 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
             course.map.lanes().iter().filter(|lane| lane.kind.is_drivable()).map(outline_of).collect();
     }
     story
+}
+
+/// Records the result of the run and its cause, and the lights along the last route.
+pub fn conclude(story: &mut Story, scenario: &Scenario, metrics: &Metrics, why: Option<&Why>) {
+    let until = Time::ZERO + Span::from_secs(scenario.end.timeout_s);
+    story.lights = light_courses(&scenario.road, &story.route, until);
+    story.conclude(metrics, why);
 }
 
 /// Outline of a lane: its left border, and back along the right one.

@@ -12,7 +12,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
 use swerve_drive::{
-    Outcome, Recording, RunInput, drive_pipeline, light_courses, load, note_idle, operators_with_runtime,
+    Outcome, Recording, RunInput, conclude, drive_pipeline, load, note_idle, operators_with_runtime,
     record_run_times, run_start, set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer};
@@ -122,7 +122,6 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
-    let until = pipeline.until;
     let mut report = RunReport::new(&config, &pipeline, command);
     let mut observers: Vec<&mut dyn Observer> =
         vec![&mut progress, &mut recording, &mut trace, &mut story, &mut report];
@@ -154,8 +153,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     if recorded.is_ok() {
         folder.name_whole()?;
     }
-    story.lights = light_courses(&scenario.road, &story.route, until);
-    story.conclude(&outcome.metrics, why.as_ref());
+    conclude(&mut story, &scenario, &outcome.metrics, why.as_ref());
     let mut summary = Summary::of(&config, &scenario, &outcome, why);
     (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
