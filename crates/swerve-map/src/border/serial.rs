@@ -68,7 +68,7 @@ mod tests {
         let wrong = postcard::to_allocvec(&(vec![(3.0, 2.0), (2.0, 3.5)], vec![(0.0, 1.5)])).unwrap();
         assert!(postcard::from_bytes::<Borders>(&wrong).is_err());
         // Schemas are traced with empty lists.
-        let none: (Vec<(f64, f64)>, Vec<(f64, f64)>) = (Vec::new(), Vec::new());
+        let none = [Vec::<(f64, f64)>::new(), Vec::new()];
         let bytes = postcard::to_allocvec(&none).unwrap();
         assert_eq!(postcard::from_bytes::<Borders>(&bytes).unwrap(), Borders::constant(0.0, 0.0));
     }
