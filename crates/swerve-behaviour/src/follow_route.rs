@@ -59,8 +59,7 @@ impl BehaviourPlanner for FollowRoute {
 
 /// Speed limits of the route from the ego on, none above the speed on a free road.
 fn limits(at: &Situation<'_>) -> Vec<SpeedLimit> {
-    let stretches = at.route.stretches();
-    let here = stretches.partition_point(|x| x.begin_m <= at.place.s_m).max(1) - 1;
+    let stretches = at.route.stretches_from(at.place.s_m);
     let mut limits: Vec<SpeedLimit> = Vec::new();
     let mut add = |from_m, limit_mps: Option<f64>| {
         let speed_mps = limit_mps.map_or(at.cruise_mps, |limit_mps| limit_mps.min(at.cruise_mps));
@@ -71,7 +70,7 @@ fn limits(at: &Situation<'_>) -> Vec<SpeedLimit> {
     if stretches.is_empty() {
         add(0.0, None);
     }
-    stretches.iter().skip(here).for_each(|stretch| add(stretch.begin_m, stretch.speed_limit_mps));
+    stretches.iter().for_each(|stretch| add(stretch.begin_m, stretch.speed_limit_mps));
     limits
 }
 

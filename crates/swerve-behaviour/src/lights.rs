@@ -1,7 +1,8 @@
 //! Stops at red and yellow traffic lights.
 
 use swerve_core::Time;
-use swerve_msg::{Route, Signal, TrafficLight, TrafficLights};
+use swerve_geom::Polyline;
+use swerve_msg::{Signal, TrafficLight, TrafficLights};
 
 use crate::{FollowRouteParams, Situation};
 
@@ -23,8 +24,8 @@ pub(crate) struct LightStops {
     held: Vec<f64>,
     /// Lines of yellow lights, and the times since which they are yellow.
     yellow: Vec<(f64, Time)>,
-    /// The route that these arc lengths are on.
-    route: Option<(u64, Route)>,
+    /// Sequence number of the route that these arc lengths are on, and its line.
+    route: Option<(u64, Polyline)>,
 }
 
 impl LightStops {
@@ -48,15 +49,16 @@ impl LightStops {
         }
         if let Some((_, before)) = &self.route {
             let moved = |s_m: f64| {
-                let place = at.route.project(before.line().at(s_m).pose.point());
+                let place = at.route.project(before.at(s_m).pose.point());
                 (place.d_m.abs() < ON_ROUTE_M).then_some(place.s_m)
             };
             self.held = self.held.iter().filter_map(|s_m| moved(*s_m)).collect();
             self.yellow =
                 self.yellow.iter().filter_map(|(s_m, since)| Some((moved(*s_m)?, *since))).collect();
         }
-        self.route = Some((at.number, at.route.clone()));
+        self.route = Some((at.number, at.route.line().clone()));
     }
+
     /// Updates the lines at which the ego stops: of red lights, of yellow ones by
     /// [`stops_at_yellow`](Self::stops_at_yellow), and of held lights that show nothing now; except lines behind the
     /// ego and new ones too close for full braking.

@@ -150,8 +150,8 @@ impl Route {
         self.stretches_from(s_m).first()
     }
 
-    /// Lanes from arc length `s_m` on, with the one there.
-    fn stretches_from(&self, s_m: f64) -> &[Stretch] {
+    /// Lanes from arc length `s_m` on, with the one there; empty for a route without a map.
+    pub fn stretches_from(&self, s_m: f64) -> &[Stretch] {
         let next = self.stretches.partition_point(|x| x.begin_m <= s_m);
         &self.stretches[next.max(1) - 1..]
     }

@@ -81,7 +81,7 @@
 //!
 //! [[map.closure]]                                     # ? a place on a lane that is closed to traffic; the cause is an actor
 //! at = { road = "4", lane = -1, s_m = 90.0 }
-//! reported_s = 5.0                                    # ? 0; the stack is told at this time
+//! reported_s = 5.0                                    # ? 0; time from which it is reported
 //!
 //! [ego]
 //! start = { road = "4", lane = -1, s_m = 20.0 }       # or { lane = "name", s_m = 20.0 } or { x_m = 5.0, y_m = -1.8 }

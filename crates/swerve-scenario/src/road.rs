@@ -151,7 +151,7 @@ pub struct MapCourse {
 pub struct Closure {
     /// The place.
     pub at: Stop,
-    /// Instant from which the stack is told, in seconds.
+    /// Time from which the closure is reported, seconds.
     pub reported_s: f64,
 }
 

@@ -82,15 +82,15 @@ pub(crate) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
 }
 
 /// The configuration on this road. On a road with traffic lights the simulated stack sees them, unless an operator of
-/// kind `traffic_lights` does; on a map with closed places it is told of them.
+/// kind `traffic_lights` does; on a map with closed places it reads reports of them.
 pub(crate) fn on_road<'a>(setup: &'a Setup, road: &Road) -> Cow<'a, Setup> {
     let has = |kind: &str| setup.operator.values().any(|own| own.kind.as_deref() == Some(kind));
     let is_simulated = setup.live.is_none() && !setup.is_driven_over_ros2();
     let plans =
         setup.operator.get("planner").is_none_or(|own| own.kind.is_none() && own.enabled != Some(false));
     let sees_lights = !road.lights.is_empty() && setup.stops_at_lights() && !has("traffic_lights");
-    let is_told = matches!(&road.course, Course::Map(course) if !course.closures.is_empty());
-    let parts = [(&LIGHTS, sees_lights && plans), (&CLOSURES, is_told)];
+    let has_closures = matches!(&road.course, Course::Map(course) if !course.closures.is_empty());
+    let parts = [(&LIGHTS, sees_lights && plans), (&CLOSURES, has_closures)];
     let mut setup = Cow::Borrowed(setup);
     for (part, _) in parts.into_iter().filter(|(_, is_there)| is_simulated && *is_there) {
         for (name, own) in part.0.iter() {

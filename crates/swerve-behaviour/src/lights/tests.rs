@@ -1,5 +1,5 @@
-use swerve_geom::{Point2, Polyline};
-use swerve_msg::EgoState;
+use swerve_geom::Point2;
+use swerve_msg::{EgoState, Route};
 use swerve_vehicle::{Limits, Shape};
 
 use super::*;
