@@ -265,6 +265,7 @@ pub(crate) mod tests {
         WorldState {
             stamp,
             ego: EgoTruth {
+                id: ActorId::EGO,
                 map_from_ego: Transform::from_roll_pitch_yaw(Point::<Map>::new(x_m, 0.0, 0.0), 0.0, 0.0, 0.0),
                 state,
                 velocity_mps: Vector::new(0.0, 0.0, 0.0),

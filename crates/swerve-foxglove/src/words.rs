@@ -141,6 +141,7 @@ mod tests {
         let state = WorldState {
             stamp: Time::ZERO,
             ego: EgoTruth {
+                id: ActorId::EGO,
                 map_from_ego: Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
                 state: EgoState::default(),
                 velocity_mps: zero,

@@ -14,7 +14,7 @@ use crate::ego::{is_plausible_place, is_plausible_velocity};
 pub struct ActorId(pub u32);
 
 impl ActorId {
-    /// The ego, in a world with one.
+    /// The ego, in a world with one; the first of several.
     pub const EGO: Self = Self(0);
 }
 

@@ -13,7 +13,7 @@ pub struct WorldState {
     pub stamp: Time,
     /// The ego vehicle.
     pub ego: EgoTruth,
-    /// All other actors, ordered by identity.
+    /// All other actors, ordered by identity; in a world with several egos, the other egos too.
     pub actors: Vec<Actor>,
     /// Contacts that began since the previous step, of the ego and between others. Contacts that exist at the start of
     /// a run are none.
@@ -32,18 +32,21 @@ impl WorldState {
 
     /// Collisions of the ego, with the other party. The ego's speed is the first of the two.
     pub fn collisions_of_ego(&self) -> impl Iterator<Item = (ActorId, &Collision)> {
-        self.collisions.iter().filter_map(|collision| Some((collision.with_ego()?, collision)))
+        let own = self.ego.id;
+        self.collisions.iter().filter_map(move |collision| Some((collision.other_than(own)?, collision)))
     }
 
     /// Collisions between two others.
     pub fn collisions_of_others(&self) -> impl Iterator<Item = &Collision> {
-        self.collisions.iter().filter(|collision| collision.with_ego().is_none())
+        self.collisions.iter().filter(|collision| !collision.involves(self.ego.id))
     }
 }
 
 /// Full state of the ego vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct EgoTruth {
+    /// Identity in the run: [`ActorId::EGO`] in a world with one ego.
+    pub id: ActorId,
     /// Pose of the ego frame in the map, three-dimensional.
     pub map_from_ego: Transform<Map, Ego>,
     /// The same state as a perfect localization would report it.
@@ -121,13 +124,24 @@ pub struct Collision {
 }
 
 impl Collision {
-    /// The other party of a collision of the ego; `None` for a collision between two others.
-    pub fn with_ego(&self) -> Option<ActorId> {
+    /// The other party of a collision of this actor or ego; `None` if it is a collision of others.
+    pub fn other_than(&self, id: ActorId) -> Option<ActorId> {
         let [first, second] = self.parties;
-        (first == ActorId::EGO).then_some(second)
+        if first == id { Some(second) } else { (second == id).then_some(first) }
     }
 
-    /// Returns true if it is a collision of this actor, or of the ego ([`ActorId::EGO`]).
+    /// The same collision, with this ego first if it is one of the parties.
+    #[must_use]
+    pub fn seen_by(&self, ego: ActorId) -> Self {
+        let mut seen = self.clone();
+        if seen.parties[1] == ego {
+            seen.parties.reverse();
+            seen.speeds_mps.reverse();
+        }
+        seen
+    }
+
+    /// Returns true if it is a collision of this actor or ego.
     pub fn involves(&self, id: ActorId) -> bool {
         self.parties.contains(&id)
     }
@@ -279,6 +293,7 @@ mod tests {
         let world = WorldState {
             stamp: Time::ZERO,
             ego: EgoTruth {
+                id: ActorId::EGO,
                 map_from_ego: Transform::from_roll_pitch_yaw(
                     swerve_geom::Point::new(0.0, 0.0, 0.0),
                     0.0,

@@ -14,8 +14,12 @@ pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
         return found; // reported where the road is read
     }
     lights(scenario, &mut found);
-    goal(scenario, &mut found);
-    start(scenario, &Shape::default(), &mut found);
+    for (id, name) in scenario.egos() {
+        let view = scenario.of_ego(id).expect("it is one of the egos");
+        let key = if scenario.other_egos.is_empty() { "ego".to_owned() } else { format!("ego.{name}") };
+        goal(&view, &key, &mut found);
+        start(&view, &Shape::default(), &key, &mut found);
+    }
     on_the_road(scenario, &mut found);
     actors(scenario, &mut found);
     triggers(scenario, &mut found);
@@ -35,9 +39,9 @@ fn lights(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     }
 }
 
-fn goal(scenario: &Scenario, found: &mut Vec<(String, String)>) {
+fn goal(scenario: &Scenario, ego_key: &str, found: &mut Vec<(String, String)>) {
     let (ego, length_m) = (&scenario.ego, scenario.road.length_m());
-    let key = || "ego.end_m".to_owned();
+    let key = || format!("{ego_key}.end_m");
     if ego.end_m > length_m {
         found.push((
             key(),
@@ -51,17 +55,17 @@ fn goal(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let standing = ego.target_speed_mps == 0.0;
     if standing {
         let message = "a target speed of 0 never reaches the goal: expected a number above 0";
-        found.push(("ego.target_speed_mps".to_owned(), message.to_owned()));
+        found.push((format!("{ego_key}.target_speed_mps"), message.to_owned()));
     }
 }
 
-fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) {
+fn start(scenario: &Scenario, shape: &Shape, ego_key: &str, found: &mut Vec<(String, String)>) {
     let route = scenario.road.route();
     let footprint: Obb = shape.footprint(scenario.ego_pose(route.line(), shape));
     let outside_m = -route.margin_m(&footprint);
     if outside_m > 0.0 {
         let message = format!("the ego starts {outside_m:.2} m outside the drivable ground");
-        found.push(("ego".to_owned(), message));
+        found.push((ego_key.to_owned(), message));
     }
     // A seed shifts the start along the road by up to this distance.
     let drawn = Obb { half_length_m: footprint.half_length_m + EGO_START_M, ..footprint };
@@ -71,7 +75,16 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
         let (s_m, d_m, name) = (scenario.ego.s_m, scenario.ego.d_m, &actor.name);
         let message =
             format!("the ego's start at s = {s_m} m, d = {d_m} m{how} is inside the actor \"{name}\"");
-        found.push(("ego".to_owned(), message));
+        found.push((ego_key.to_owned(), message));
+    }
+    for other in scenario.other_egos.iter().filter(|other| other.id < scenario.ego_id) {
+        let outline = shape.footprint(other.pose(shape));
+        // A seed shifts this one, too.
+        let outline = Obb { half_length_m: outline.half_length_m + EGO_START_M, ..outline };
+        if drawn.distance(&outline) == 0.0 {
+            let message = format!("starts inside the ego \"{}\", or can as a seed draws them", other.name);
+            found.push((ego_key.to_owned(), message));
+        }
     }
 }
 

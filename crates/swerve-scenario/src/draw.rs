@@ -2,8 +2,8 @@
 //!
 //! | quantity | range | drawn by |
 //! |---|---|---|
-//! | ego start along the road | ±0.5 m | [`Scenario::drawn`] |
-//! | ego speed (start and target) | ±0.2 m/s | [`Scenario::drawn`] |
+//! | start of each ego along the road | ±0.5 m | [`Scenario::drawn`] |
+//! | speed of each ego (start and target) | ±0.2 m/s | [`Scenario::drawn`] |
 //! | distance of each distance trigger | ±0.25 m | [`Scenario::drawn`] |
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
 //! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
@@ -37,6 +37,13 @@ impl Scenario {
         drawn.ego.s_m += draws.ego_start_m;
         drawn.ego.target_speed_mps = faster(self.ego.target_speed_mps);
         drawn.ego.start_speed_mps = self.ego.start_speed_mps.map(faster);
+        for (k, other) in (1..).zip(&mut drawn.other_egos) {
+            let by = within("scenario ego speed", &[k], EGO_SPEED_MPS);
+            let faster = |speed: f64| if speed > 0.0 { (speed + by).max(0.0) } else { speed };
+            other.start.s_m += within("scenario ego start", &[k], EGO_START_M);
+            other.start.target_speed_mps = faster(other.start.target_speed_mps);
+            other.start.start_speed_mps = other.start.start_speed_mps.map(faster);
+        }
         for (i, actor) in drawn.actors.iter_mut().enumerate() {
             if let Some(Trigger::Distance { within_m, .. }) = &mut actor.trigger {
                 draws.trigger_m[i] = within("scenario trigger", &[i as i64], TRIGGER_M);

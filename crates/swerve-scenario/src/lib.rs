@@ -96,6 +96,19 @@
 //! goal = { road = "3", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
 //! ```
 //!
+//! **Several egos**, each with a stack of its own, have a table each in place of `[ego]`. The first is the one that triggers
+//! name "ego", and along whose way places of actors are given:
+//!
+//! ```toml
+//! [ego.first]
+//! target_speed_mps = 12.0                             # and the other keys of an ego
+//! end_m = 90.0
+//! [ego.second]
+//! s_m = -20.0
+//! target_speed_mps = 12.0
+//! end_m = 90.0
+//! ```
+//!
 //! Excluded: physics, clocks; the only files that are opened are the one passed to [`Scenario::read`] and the map that it
 //! names.
 
@@ -112,8 +125,8 @@ pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
-    Actor, Along, Direction, Draws, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill,
-    Subject, Trigger,
+    Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
+    Standstill, Subject, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};

@@ -17,6 +17,12 @@ pub struct Scenario {
     pub road: Road,
     /// Start, target speed and goal of the ego.
     pub ego: EgoStart,
+    /// Identity of the ego in the run: [`ActorId::EGO`], but in the [view](Self::of_ego) of another ego.
+    pub ego_id: ActorId,
+    /// Name of the ego: "ego" if there is one.
+    pub ego_name: String,
+    /// Other egos, ordered by identity.
+    pub other_egos: Vec<OtherEgo>,
     /// End conditions beside the goal.
     pub end: End,
     /// Other actors, ordered by identity: in file order.
@@ -50,6 +56,31 @@ impl EgoStart {
     /// Start speed, m/s.
     pub fn start_speed(&self) -> f64 {
         self.start_speed_mps.unwrap_or(self.target_speed_mps)
+    }
+
+    /// Pose of the origin (rear axle) at the start along a line, for a vehicle of the given outline.
+    pub fn pose(&self, line: &Polyline, shape: &Shape) -> Pose2 {
+        on_road(line, self.s_m, self.d_m, self.heading_rad).ahead(-shape.center_ahead_m())
+    }
+}
+
+/// Another ego, which a stack of its own drives on the same ground.
+#[derive(Clone, PartialEq, Debug)]
+pub struct OtherEgo {
+    /// Identity in the run.
+    pub id: ActorId,
+    /// Unique name.
+    pub name: String,
+    /// Start, target speed and goal.
+    pub start: EgoStart,
+    /// The road with the way of this ego.
+    pub road: Road,
+}
+
+impl OtherEgo {
+    /// Pose of its origin (rear axle) at the start, for a vehicle of the given outline.
+    pub fn pose(&self, shape: &Shape) -> Pose2 {
+        self.start.pose(self.road.route().line(), shape)
     }
 }
 
@@ -229,8 +260,44 @@ pub(crate) const EGO_START_M: f64 = 0.5;
 impl Scenario {
     /// Pose of the ego origin (rear axle) at the start, for a vehicle of the given outline.
     pub fn ego_pose(&self, line: &Polyline, shape: &Shape) -> Pose2 {
-        let center = on_road(line, self.ego.s_m, self.ego.d_m, self.ego.heading_rad);
-        center.ahead(-shape.center_ahead_m())
+        self.ego.pose(line, shape)
+    }
+
+    /// Identities and names of all egos, ordered by identity.
+    pub fn egos(&self) -> Vec<(ActorId, &str)> {
+        let others = self.other_egos.iter().map(|other| (other.id, other.name.as_str()));
+        let mut egos: Vec<_> = core::iter::once((self.ego_id, self.ego_name.as_str())).chain(others).collect();
+        egos.sort_unstable();
+        egos
+    }
+
+    /// The same scenario in the view of the ego with this identity: [`ego`](Self::ego) and [`road`](Self::road) are its
+    /// own, and the others are [`other_egos`](Self::other_egos). `None` if there is no such ego.
+    #[must_use]
+    pub fn of_ego(&self, id: ActorId) -> Option<Self> {
+        if id == self.ego_id {
+            return Some(self.clone());
+        }
+        let mut view = self.clone();
+        let index = view.other_egos.iter().position(|other| other.id == id)?;
+        let OtherEgo { id, name, start, road } = view.other_egos.remove(index);
+        let line = Arc::new(self.road.line());
+        for actor in &mut view.actors {
+            actor.line.get_or_insert_with(|| Arc::clone(&line));
+            let who = match &mut actor.trigger {
+                Some(Trigger::Distance { to: who, .. } | Trigger::Reaches { who, .. }) => who,
+                Some(Trigger::Time { .. }) | None => continue,
+            };
+            *who = match *who {
+                Subject::Ego => Subject::Actor(self.ego_id),
+                Subject::Actor(actor) if actor == id => Subject::Ego,
+                other => other,
+            };
+        }
+        view.other_egos.push(OtherEgo { id: view.ego_id, name: view.ego_name, start: view.ego, road: view.road });
+        view.other_egos.sort_by_key(|other| other.id);
+        (view.ego_id, view.ego_name, view.ego, view.road) = (id, name, start, road);
+        Some(view)
     }
 
     /// The expectation for the named pipeline: its own entry, else the one without a pipeline.
@@ -266,9 +333,10 @@ impl Scenario {
         self.actors.binary_search_by_key(&id, |actor| actor.id).ok().map(|index| &self.actors[index])
     }
 
-    /// Names of the actors.
+    /// Names of the actors, and of the other egos.
     pub fn names(&self) -> ActorNames {
-        self.actors.iter().map(|actor| (actor.id, actor.name.clone())).collect()
+        let actors = self.actors.iter().map(|actor| (actor.id, actor.name.clone()));
+        actors.chain(self.other_egos.iter().map(|other| (other.id, other.name.clone()))).collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Conversion of TOML to a [`Scenario`].
 
 mod actor;
+mod egos;
 mod expect;
 mod map;
 
@@ -11,9 +12,10 @@ use swerve_geom::Pose2;
 use swerve_msg::ActorId;
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
+use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{
-    Course, EgoStart, End, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight, check,
+    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight, check,
 };
 
 /// Positions along and across the road, metres.
@@ -83,21 +85,39 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         top.text("name")
     };
     let description = top.paragraph_like("description", DESCRIPTION, is_description).unwrap_or_default();
-    let (road, ego, map) = match top.has("map") {
-        true => on_map(top, map),
-        false => (road(top), ego(top), None),
+    let ground = Ground::read(top, map);
+    let tables = egos::tables(top);
+    let ways: Vec<_> = tables.iter().map(|ego| ground.ego(top, &ego.table)).collect();
+    // After a problem of a way, places of actors are not read.
+    let map = match &ground {
+        Ground::Map(Some(loaded)) if ways.iter().all(Option::is_some) => Some(loaded),
+        Ground::Map(_) | Ground::Road(_) => None,
     };
+    let egos = tables.into_iter().zip(ways).map(|(EgoTable { name, .. }, way)| {
+        let (start, road) = way.unwrap_or_else(|| (NO_START, no_road()));
+        (name, start, road)
+    });
+    let mut egos = egos.collect::<Vec<_>>().into_iter();
+    let (ego_name, ego, road) = egos.next().unwrap_or_else(|| match ground {
+        Ground::Road(ref road) => (String::new(), NO_START, road.clone()),
+        Ground::Map(_) => (String::new(), NO_START, no_road()),
+    });
     let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
     if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
         top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
         tables.truncate(ACTORS_MAX);
     }
-    let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
-    unique(&tables, &names);
+    let mut names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
+    let first = names.len() as u32 + 1;
+    let other = |(id, (name, start, road))| OtherEgo { id: ActorId(id), name, start, road };
+    let other_egos: Vec<OtherEgo> = (first..).zip(egos).map(other).collect();
+    unique(&tables, &names, &ego_name, &other_egos);
+    // Actors and other egos are numbered in the order of the text, from 1.
+    names.extend(other_egos.iter().map(|other| other.name.clone()));
     let actors = tables.iter().zip(&names);
     let actors = (1..).zip(actors).map(|(k, (table, name))| {
         let on_map = top.has("map");
-        let setting = actor::Setting { id: ActorId(k), name, names: &names, on_map, map: map.as_ref() };
+        let setting = actor::Setting { id: ActorId(k), name, ego: &ego_name, names: &names, on_map, map };
         actor::read(table, setting)
     });
     let actors = actors.collect();
@@ -105,8 +125,20 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
     top.finish();
-    let scenario =
-        Scenario { name, description, road, ego, end, actors, expect, draws: None, text: Arc::default() };
+    let scenario = Scenario {
+        name,
+        description,
+        road,
+        ego,
+        ego_id: ActorId::EGO,
+        ego_name,
+        other_egos,
+        end,
+        actors,
+        expect,
+        draws: None,
+        text: Arc::default(),
+    };
     if sound {
         for (key, message) in check::problems(&scenario) {
             top.reading().report(&key, message);
@@ -115,41 +147,46 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     scenario
 }
 
-/// Road and ego of a scenario on a map; placeholders after a problem.
-fn on_map(top: &TableReader<'_>, text: Option<&Arc<str>>) -> (Road, EgoStart, Option<map::Loaded>) {
-    if top.has("road") {
-        top.report("road", "expected only one of `map` and `road`");
-        top.table_if_any("road");
-        top.reading().guess();
+/// The ground, before an ego has a way over it.
+enum Ground {
+    /// A road that the scenario describes.
+    Road(Road),
+    /// A map; `None` after a problem.
+    Map(Option<map::Loaded>),
+}
+
+impl Ground {
+    fn read(top: &TableReader<'_>, text: Option<&Arc<str>>) -> Self {
+        if !top.has("map") {
+            return Self::Road(road(top));
+        }
+        if top.has("road") {
+            top.report("road", "expected only one of `map` and `road`");
+            top.table_if_any("road");
+            top.reading().guess();
+        }
+        Self::Map(map::read(top, text))
     }
-    let loaded = map::read(top, text);
-    let table = top.table("ego");
-    let course = loaded.as_ref().zip(table.as_ref()).and_then(|(map, table)| map.course(table, true));
-    let (Some(loaded), Some(table), Some(course)) = (loaded, table, course) else {
-        top.reading().guess();
-        let strip = Strip { segments: vec![NO_SEGMENT], lane_width_m: 4.0, left_m: 2.0, right_m: 2.0 };
-        let road = Road { course: Course::Strip(strip), friction: 0.9, lights: Vec::new() };
-        return (road, NO_START, None);
-    };
-    let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
-    let target_mps = table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
-    if target_mps.is_none() {
-        table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
+
+    /// Reads the table of an ego: its start, and the ground with its way. `None` after a problem of map or way.
+    fn ego(&self, top: &TableReader<'_>, table: &TableReader<'_>) -> Option<(EgoStart, Road)> {
+        match self {
+            Self::Road(road) => Some((egos::on_strip(table), road.clone())),
+            Self::Map(loaded) => {
+                let read = loaded.as_ref().and_then(|loaded| loaded.ego(top, table));
+                if read.is_none() {
+                    top.reading().guess();
+                }
+                read
+            }
+        }
     }
-    let ego = EgoStart {
-        s_m: course.start_m,
-        d_m: table.number_or("d_m", 0.0, PLACE),
-        heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
-        target_speed_mps: target_mps.unwrap_or(0.0),
-        start_speed_mps: table.number_if_any("start_speed_mps", SPEED),
-        end_m: course.goal_m,
-    };
-    table.finish();
-    let lights = loaded.lights(&course.route);
-    let friction = loaded.friction;
-    let on = loaded.on(top, course);
-    let road = Road { course: Course::Map(Arc::new(on)), friction, lights };
-    (road, ego, Some(loaded))
+}
+
+/// Ground after a problem.
+fn no_road() -> Road {
+    let strip = Strip { segments: vec![NO_SEGMENT], lane_width_m: 4.0, left_m: 2.0, right_m: 2.0 };
+    Road { course: Course::Strip(strip), friction: 0.9, lights: Vec::new() }
 }
 
 fn road(top: &TableReader<'_>) -> Road {
@@ -235,20 +272,6 @@ const NO_START: EgoStart = EgoStart {
     end_m: 0.0,
 };
 
-fn ego(top: &TableReader<'_>) -> EgoStart {
-    let Some(table) = top.table("ego") else { return NO_START };
-    let ego = EgoStart {
-        s_m: table.number_or("s_m", 0.0, PLACE),
-        d_m: table.number_or("d_m", 0.0, PLACE),
-        heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
-        target_speed_mps: table.number("target_speed_mps", SPEED),
-        start_speed_mps: table.number_if_any("start_speed_mps", SPEED),
-        end_m: table.number("end_m", PLACE),
-    };
-    table.finish();
-    ego
-}
-
 fn end(top: &TableReader<'_>, names: &[String]) -> End {
     let mut end = End { timeout_s: 30.0, after_collision_s: 2.0, standstill: None };
     let Some(table) = top.table_if_any("end") else { return end };
@@ -275,11 +298,13 @@ fn end(top: &TableReader<'_>, names: &[String]) -> End {
     end
 }
 
-fn unique(tables: &[TableReader<'_>], names: &[String]) {
+fn unique(tables: &[TableReader<'_>], names: &[String], ego: &str, others: &[OtherEgo]) {
     let mut seen = BTreeSet::new();
     for (table, name) in tables.iter().zip(names) {
         if name == "ego" {
             table.report("name", "\"ego\" is the ego vehicle's own name");
+        } else if name == ego || others.iter().any(|other| other.name == *name) {
+            table.report("name", format!("an ego is named \"{name}\" already"));
         }
         if !name.is_empty() && !seen.insert(name) {
             table.report("name", format!("another actor is named \"{name}\" already"));
@@ -287,7 +312,7 @@ fn unique(tables: &[TableReader<'_>], names: &[String]) {
     }
 }
 
-/// Identity of the first actor of this name: actors are numbered in file order, from 1.
+/// Identity of the first actor or other ego of this name.
 fn identity(name: &str, names: &[String]) -> Option<ActorId> {
     (1..).zip(names).find(|(_, known)| *known == name).map(|(k, _)| ActorId(k))
 }

@@ -13,7 +13,7 @@ use rapier3d::pipeline::PhysicsWorld;
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector, math};
 use swerve_msg::truth::EgoTruth;
-use swerve_msg::{Command, EgoState};
+use swerve_msg::{ActorId, Command, EgoState};
 use swerve_vehicle::{BodyMotion, Car, Controls, Ground, VehicleParams};
 
 use convert::{from_vec, pose_from_transform, to_transform, to_vec};
@@ -34,6 +34,7 @@ struct Before {
 /// Call per step: [`EgoCar::apply`], then the world step, then [`EgoCar::truth`].
 #[derive(Clone, Debug)]
 pub struct EgoCar {
+    id: ActorId,
     car: Car,
     body: RigidBodyHandle,
     collider: ColliderHandle,
@@ -42,11 +43,12 @@ pub struct EgoCar {
 }
 
 impl EgoCar {
-    /// Spawns a car in the world: at rest on its springs at `map_from_ego`, moving at `speed_mps`.
+    /// Spawns a car with identity `id` in the world: at rest on its springs at `map_from_ego`, moving at `speed_mps`.
     ///
     /// The world's gravity must point along -z.
     pub fn spawn(
         world: &mut PhysicsWorld,
+        id: ActorId,
         params: &VehicleParams,
         map_from_ego: Pose2,
         speed_mps: f64,
@@ -76,7 +78,12 @@ impl EgoCar {
             .can_sleep(false)
             .build();
         let (body, collider) = world.insert(body, chassis(params));
-        Self { car, body, collider, stamp: Time::default(), before: None }
+        Self { id, car, body, collider, stamp: Time::default(), before: None }
+    }
+
+    /// Identity in the run.
+    pub fn id(&self) -> ActorId {
+        self.id
     }
 
     /// Handle of the body in the world.
@@ -146,6 +153,7 @@ impl EgoCar {
         let (sin, cos) = math::sin_cos(yaw_rad);
         let from_map = pose.inverse();
         EgoTruth {
+            id: self.id,
             map_from_ego: pose,
             state: EgoState {
                 stamp: self.stamp,

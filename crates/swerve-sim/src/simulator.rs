@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2, Vector2};
 use swerve_map::Map;
-use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState};
-use swerve_msg::{ActorId, Command, Route};
-use swerve_scenario::Scenario;
+use swerve_msg::truth::{Actor, Collision, EgoTruth, EndReason, Infraction, InfractionKind, WorldState};
+use swerve_msg::{ActorId, ActorKind, Command, Extent, Route};
+use swerve_scenario::{OtherEgo, Scenario};
 use swerve_world::{Driver, Movement, View, World};
 
 use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
 use crate::contacts::{Contacts, PARTED_M, PATIENCE, Touch};
-use swerve_vehicle::VehicleParams;
+use swerve_vehicle::{Shape, VehicleParams};
 
 use crate::ego::EgoCar;
 use crate::rules::Rules;
@@ -41,8 +41,8 @@ pub enum SimError {
     /// The step is too long for contacts or too short for `f32`.
     #[error("a world step of {0} is outside 1 ms to 20 ms")]
     Step(Span),
-    /// An actor overlaps the ego at the start.
-    #[error("the ego starts inside the actor \"{0}\"")]
+    /// An actor or another ego overlaps the ego at the start.
+    #[error("the ego starts inside \"{0}\"")]
     EgoInside(String),
     /// The ego does not start on the road.
     #[error("the ego starts {0:.2} m outside the drivable ground")]
@@ -53,17 +53,37 @@ pub enum SimError {
 pub struct Simulator {
     scenario: Scenario,
     params: SimParams,
-    route: Route,
     map: Arc<Map>,
     world: PhysicsWorld,
-    ego: EgoCar,
-    ego_collider: ColliderHandle,
+    /// The ego of the scenario, then the others.
+    egos: Vec<Ego>,
     actors: Vec<Player>,
     contacts: Contacts,
-    rules: Rules,
+    /// State in the view of the first ego. Its actors are those of the scenario, then the other egos.
     state: WorldState,
+    /// States in the views of the other egos.
+    views: Vec<WorldState>,
+}
+
+/// Car of one ego, and what it is judged by.
+struct Ego {
+    car: EgoCar,
+    route: Route,
+    rules: Rules,
     /// The last command; the car keeps the one before if it is not finite.
     command: Command,
+}
+
+impl Ego {
+    /// Puts the ego of a scenario on its free place of the road.
+    fn spawn(world: &mut PhysicsWorld, scenario: &Scenario, vehicle: &VehicleParams) -> Result<Self, SimError> {
+        let route = scenario.road.route();
+        let pose = scenario.ego_pose(route.line(), &vehicle.shape);
+        free_road(scenario, &route, &vehicle.shape)?;
+        let car = EgoCar::spawn(world, scenario.ego_id, vehicle, pose, scenario.ego.start_speed());
+        bodies::foresee_contacts(world, car.handle());
+        Ok(Self { car, route, rules: Rules::new(scenario), command: Command::default() })
+    }
 }
 
 /// Body and driver of one actor, in addition to its state.
@@ -77,10 +97,10 @@ struct Player {
 /// Maximum distance along the road in one step, metres.
 const STEP_MAX_M: f64 = 5.0;
 
-/// World just before a step: the ego, the actors, and those that were hit.
+/// World just before a step: the first ego, and the actors.
 struct Before {
     actors: Vec<Actor>,
-    /// Indices of the actors that were hit.
+    /// Indices of the actors that physics moves: those that were hit, and other egos.
     loose: Vec<usize>,
     outline: Obb,
     motion: Motion2,
@@ -108,47 +128,43 @@ impl Simulator {
         if params.dt < Span::from_ms(1) || params.dt > Span::from_ms(20) {
             return Err(SimError::Step(params.dt));
         }
-        let route = scenario.road.route();
-        let pose = scenario.ego_pose(route.line(), &params.vehicle.shape);
-        free_road(&scenario, &route, &params.vehicle.shape.footprint(pose))?;
         let mut world = PhysicsWorld::new();
         world.gravity = Vec3::new(0.0, 0.0, -9.81);
         world.integration_parameters.dt = params.dt.as_secs() as f32;
         bodies::ground(&mut world, scenario.road.friction);
-        let ego = EgoCar::spawn(&mut world, &params.vehicle, pose, scenario.ego.start_speed());
-        bodies::foresee_contacts(&mut world, ego.handle());
-        let ego_collider = ego.collider();
+        let mut egos = vec![Ego::spawn(&mut world, &scenario, &params.vehicle)?];
+        for other in &scenario.other_egos {
+            let view = scenario.of_ego(other.id).expect("it is one of the egos");
+            egos.push(Ego::spawn(&mut world, &view, &params.vehicle)?);
+        }
         let state = WorldState {
             stamp: Time::ZERO,
-            ego: ego.truth(&world),
+            ego: egos[0].car.truth(&world),
             actors: Vec::new(),
             collisions: Vec::new(),
             infractions: Vec::new(),
             ended: None,
         };
-        let rules = Rules::new(&scenario);
         let map = scenario.road.map();
         let mut simulator = Self {
             scenario,
             params: params.clone(),
-            route,
             map,
             world,
-            ego,
-            ego_collider,
+            egos,
             actors: Vec::new(),
             contacts: Contacts::default(),
-            rules,
             state,
-            command: Command::default(),
+            views: Vec::new(),
         };
         simulator.populate();
+        simulator.views = simulator.views();
         simulator.show();
         Ok(simulator)
     }
 
     fn populate(&mut self) {
-        let line = Arc::new(self.route.line().clone());
+        let line = Arc::new(self.route().line().clone());
         for actor in &self.scenario.actors {
             let driver = Scripted::new(actor, &self.scenario, &line, self.params.dt);
             // An actor that moves from the start has a speed in the first state, too.
@@ -167,6 +183,8 @@ impl Simulator {
             self.actors.push(Player { body, driver: Box::new(driver), s_m: at.s_m });
             self.state.actors.push(state);
         }
+        let others: Vec<Actor> = self.egos[1..].iter().map(|ego| self.as_actor(&ego.car.truth(&self.world))).collect();
+        self.state.actors.extend(others);
         let actors = &self.state.actors;
         for [i, j] in contact::near_pairs(actors, 0.0) {
             if contact::gap_of_actors_m(&actors[i], &actors[j]) == 0.0 {
@@ -175,12 +193,41 @@ impl Simulator {
         }
     }
 
+    /// An ego as others see it.
+    fn as_actor(&self, ego: &EgoTruth) -> Actor {
+        let Shape { length_m, width_m, height_m, .. } = self.params.vehicle.shape;
+        let [x, y, _] = ego.velocity_mps.coords.into();
+        Actor {
+            id: ego.id,
+            kind: ActorKind::Car,
+            pose: self.params.vehicle.shape.footprint(ego.state.pose).center,
+            z_m: 0.0,
+            extent: Extent { length_m, width_m, height_m },
+            velocity_mps: Vector2::new(x, y),
+        }
+    }
+
+    /// The state in the view of each other ego.
+    fn views(&self) -> Vec<WorldState> {
+        let first = self.as_actor(&self.state.ego);
+        let truths = self.egos[1..].iter().map(|ego| ego.car.truth(&self.world));
+        let ended = self.views.iter().map(|view| view.ended).chain(core::iter::repeat(None));
+        let view = |(mut ego, ended): (EgoTruth, Option<EndReason>)| {
+            ego.state.stamp = self.state.stamp;
+            let others = self.state.actors.iter().filter(|actor| actor.id != ego.id);
+            let actors = core::iter::once(&first).chain(others).cloned().collect();
+            let collisions = self.state.collisions.iter().map(|hit| hit.seen_by(ego.id)).collect();
+            WorldState { stamp: self.state.stamp, ego, actors, collisions, infractions: Vec::new(), ended }
+        };
+        truths.zip(ended).map(view).collect()
+    }
+
     /// Gives an actor another driver, in place of the script of the scenario, before the first step; the driver observes
     /// the state at instant 0. Returns false, and changes nothing, if there is no such actor or it never moves
     /// (`static`).
     pub fn set_driver(&mut self, id: ActorId, mut driver: Box<dyn Driver>) -> bool {
         let Ok(i) = self.state.actors.binary_search_by_key(&id, |actor| actor.id) else { return false };
-        if self.actors[i].body.mode != Mode::Driven {
+        if self.actors.get(i).is_none_or(|actor| actor.body.mode != Mode::Driven) {
             return false;
         }
         driver.observe(&View { own: id, world: &self.state, ego: self.outline(), map: &self.map });
@@ -193,9 +240,9 @@ impl Simulator {
         &self.scenario
     }
 
-    /// Road as published to the stack.
+    /// First route of the first ego.
     pub fn route(&self) -> &Route {
-        &self.route
+        &self.egos[0].route
     }
 
     /// Simulation parameters.
@@ -203,20 +250,21 @@ impl Simulator {
         &self.params
     }
 
-    /// State after the last step; that of instant 0 before the first.
+    /// State after the last step, in the view of the first ego; that of instant 0 before the first step.
     pub fn state(&self) -> &WorldState {
         &self.state
     }
 
-    /// Speeds of the ego's wheels after the last step, rad/s: front left, front right, rear left, rear right.
+    /// Speeds of the first ego's wheels after the last step, rad/s: front left, front right, rear left, rear right.
     pub fn wheel_speeds_radps(&self) -> [f64; 4] {
-        self.ego.car().wheels().map(|wheel| wheel.spin_radps)
+        self.egos[0].car.car().wheels().map(|wheel| wheel.spin_radps)
     }
 
-    /// Advances the world by one step under `command` and returns the new state.
+    /// Advances the world by one step under `command` of the first ego and returns the new state.
     ///
     /// A command that is not finite is refused: the previous one stays in force. One out of range is clamped.
     pub fn step(&mut self, command: Command) -> &WorldState {
+        self.egos[0].command = command;
         let before = self.before();
         self.state.stamp += self.params.dt;
         self.state.collisions.clear();
@@ -225,16 +273,25 @@ impl Simulator {
             self.send(i, &before);
         }
         let dt_s = self.params.dt.as_secs();
-        self.ego.apply(&mut self.world, &command, self.scenario.road.friction, dt_s);
+        for ego in &mut self.egos {
+            ego.car.apply(&mut self.world, &ego.command, self.scenario.road.friction, dt_s);
+        }
         self.world.step();
-        self.state.ego = self.ego.truth(&self.world);
+        self.state.ego = self.egos[0].car.truth(&self.world);
         self.state.ego.state.stamp = self.state.stamp;
+        for k in 1..self.egos.len() {
+            let i = self.actors.len() + k - 1;
+            self.state.actors[i] = self.as_actor(&self.egos[k].car.truth(&self.world));
+        }
         let outline = self.outline();
         for i in 0..self.actors.len() {
             self.receive(i, &before, &outline);
         }
+        for i in self.actors.len()..self.state.actors.len() {
+            self.contact(i, &before, &outline);
+        }
         self.contacts_of_others(&before);
-        self.judge(&outline);
+        self.judge();
         self.show();
         &self.state
     }
@@ -244,7 +301,7 @@ impl Simulator {
     }
 
     fn before(&self) -> Before {
-        let body = &self.world.bodies[self.ego.handle()];
+        let body = &self.world.bodies[self.egos[0].car.handle()];
         let (at, velocity) = (body.center_of_mass(), body.linvel());
         let velocity_mps = Vector2::new(f64::from(velocity.x), f64::from(velocity.y));
         let motion = Motion2 {
@@ -252,15 +309,15 @@ impl Simulator {
             velocity_mps,
             yaw_rate_radps: f64::from(body.angvel().z),
         };
-        let is_loose = |&i: &usize| self.actors[i].body.mode == Mode::Hit;
-        let loose = (0..self.actors.len()).filter(is_loose).collect();
+        let is_loose = |&i: &usize| self.body(i).0 == Mode::Hit;
+        let loose = (0..self.state.actors.len()).filter(is_loose).collect();
         let actors = self.state.actors.clone();
         Before { actors, loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
     /// A movement of actor `i` on the ground.
     fn placed(&self, i: usize, movement: Movement) -> Placed {
-        let line = self.scenario.actors[i].line(self.route.line());
+        let line = self.scenario.actors[i].line(self.route().line());
         let at = line.project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
         Placed { movement, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
     }
@@ -338,23 +395,31 @@ impl Simulator {
         (actor.pose, actor.z_m, actor.velocity_mps) = (movement.pose, z_m, movement.velocity_mps);
     }
 
+    /// Mode and collider of the body of an actor or other ego, by its place in the state.
+    fn body(&self, i: usize) -> (Mode, ColliderHandle) {
+        match self.actors.get(i) {
+            Some(actor) => (actor.body.mode, actor.body.collider),
+            None => (Mode::Hit, self.egos[i - self.actors.len() + 1].car.collider()),
+        }
+    }
+
     fn touches_loose(&self, i: usize) -> bool {
-        let own = self.actors[i].body.collider;
-        self.actors.iter().enumerate().any(|(j, other)| {
-            let loose = j != i && other.body.mode == Mode::Hit;
-            loose && bodies::impulse_n_s(&self.world, own, other.body.collider) > 0.0
+        let (_, own) = self.body(i);
+        (0..self.state.actors.len()).filter(|&j| j != i).any(|j| {
+            let (mode, other) = self.body(j);
+            mode == Mode::Hit && bodies::impulse_n_s(&self.world, own, other) > 0.0
         })
     }
 
-    /// Updates the contact between the ego and actor `i`; returns true if they touch in this step.
+    /// Updates the contact between the first ego and actor or ego `i`; returns true if they touch in this step.
     fn contact(&mut self, i: usize, before: &Before, outline: &Obb) -> bool {
         let actor = &self.state.actors[i];
         let parties = [ActorId::EGO, actor.id];
         if !near(outline, actor, 2.0 * PARTED_M) && !self.contacts.contains(parties) {
             return false;
         }
-        let collider = self.actors[i].body.collider;
-        let impulse_n_s = bodies::impulse_n_s(&self.world, self.ego_collider, collider);
+        let (_, collider) = self.body(i);
+        let impulse_n_s = bodies::impulse_n_s(&self.world, self.egos[0].car.collider(), collider);
         let touch = Touch { gap_m: actor.gap_m(outline), impulse_n_s };
         let (earlier, horizon_s) = (&before.actors[i], self.horizon_s());
         let stamp = self.state.stamp;
@@ -390,11 +455,10 @@ impl Simulator {
     /// Updates the contact between two actors, given by their indices.
     fn contact_of_others(&mut self, pair: [usize; 2], before: &Before) {
         let (stamp, horizon_s) = (self.state.stamp, self.horizon_s());
-        let [a, b] = pair.map(|i| &self.actors[i].body);
-        // Drivers do not feel impulses: only bodies that were hit exert them.
-        let are_driven = a.mode != Mode::Hit && b.mode != Mode::Hit;
-        let impulse_n_s =
-            if are_driven { 0.0 } else { bodies::impulse_n_s(&self.world, a.collider, b.collider) };
+        let [(mode_a, a), (mode_b, b)] = pair.map(|i| self.body(i));
+        // Drivers do not feel impulses: only bodies that physics moves exert them.
+        let are_driven = mode_a != Mode::Hit && mode_b != Mode::Hit;
+        let impulse_n_s = if are_driven { 0.0 } else { bodies::impulse_n_s(&self.world, a, b) };
         let patience = if are_driven { 0 } else { PATIENCE };
         let [a, b] = pair.map(|i| &self.state.actors[i]);
         let parties = [a.id, b.id];
@@ -417,16 +481,20 @@ impl Simulator {
         2.0 * self.params.dt.as_secs()
     }
 
-    fn judge(&mut self, outline: &Obb) {
-        let center = outline.center.point();
-        self.rules.follow(&self.route, center);
-        if self.rules.leaves_road(&self.route, outline) {
-            self.state
-                .infractions
-                .push(Infraction { stamp: self.state.stamp, kind: InfractionKind::LeftRoad });
+    /// Judges every ego in its view of the state.
+    fn judge(&mut self) {
+        self.views = self.views();
+        let views = core::iter::once(&mut self.state).chain(&mut self.views);
+        for (ego, view) in self.egos.iter_mut().zip(views) {
+            let outline = self.params.vehicle.shape.footprint(view.ego.state.pose);
+            let center = outline.center.point();
+            ego.rules.follow(&ego.route, center);
+            if ego.rules.leaves_road(&ego.route, &outline) {
+                view.infractions.push(Infraction { stamp: view.stamp, kind: InfractionKind::LeftRoad });
+            }
+            let ended = ego.rules.ended(view, center);
+            view.ended = view.ended.or(ended);
         }
-        let ended = self.rules.ended(&self.state, center);
-        self.state.ended = self.state.ended.or(ended);
     }
 
     /// Shows the present state to all drivers.
@@ -447,12 +515,18 @@ impl World for Simulator {
         &self.state
     }
 
+    fn state_of(&self, ego: ActorId) -> Option<&WorldState> {
+        core::iter::once(&self.state).chain(&self.views).find(|view| view.ego.id == ego)
+    }
+
     fn advance(&mut self, until: Time, commands: &[(ActorId, Command)]) -> &WorldState {
-        if let Some((_, command)) = commands.iter().find(|(id, _)| *id == ActorId::EGO) {
-            self.command = *command;
+        for (id, command) in commands {
+            if let Some(ego) = self.egos.iter_mut().find(|ego| ego.car.id() == *id) {
+                ego.command = *command;
+            }
         }
         while self.state.stamp < until {
-            self.step(self.command);
+            self.step(self.egos[0].command);
         }
         &self.state
     }
@@ -473,13 +547,17 @@ fn near(outline: &Obb, actor: &Actor, reach_m: f64) -> bool {
     (outline.center.point() - actor.pose.point()).norm_squared() <= radius * radius
 }
 
-fn free_road(scenario: &Scenario, route: &Route, outline: &Obb) -> Result<(), SimError> {
-    let margin_m = route.margin_m(outline);
+fn free_road(scenario: &Scenario, route: &Route, shape: &Shape) -> Result<(), SimError> {
+    let outline = shape.footprint(scenario.ego_pose(route.line(), shape));
+    let margin_m = route.margin_m(&outline);
     if margin_m < 0.0 {
         return Err(SimError::OffRoad(-margin_m));
     }
-    match scenario.actors.iter().find(|actor| actor.distance_to(route.line(), outline) == 0.0) {
-        Some(actor) => Err(SimError::EgoInside(actor.name.clone())),
+    let actor = scenario.actors.iter().find(|actor| actor.distance_to(route.line(), &outline) == 0.0);
+    let is_inside = |other: &&OtherEgo| outline.distance(&shape.footprint(other.pose(shape))) == 0.0;
+    let ego = scenario.other_egos.iter().find(is_inside);
+    match actor.map(|actor| &actor.name).or(ego.map(|ego| &ego.name)) {
+        Some(name) => Err(SimError::EgoInside(name.clone())),
         None => Ok(()),
     }
 }

@@ -1,6 +1,7 @@
 //! The simulated world against closed forms.
 
 mod drivers;
+mod egos;
 mod others;
 mod scenarios;
 

@@ -12,8 +12,11 @@ pub trait World: Send {
     /// Lanes of the world, the same for the whole run.
     fn map(&self) -> &Arc<Map>;
 
-    /// State at the instant that the world has reached.
+    /// State at the instant that the world has reached, in the view of the first ego.
     fn state(&self) -> &WorldState;
+
+    /// The same in the view of an ego; `None` if there is no such ego.
+    fn state_of(&self, ego: ActorId) -> Option<&WorldState>;
 
     /// Advances to the instant `until`, under one command for each ego that has one, and returns the state. An ego
     /// without a command, or with one that is not finite, keeps its previous command. A world with a fixed step length

@@ -79,6 +79,7 @@ impl Drive {
         WorldState {
             stamp: at,
             ego: EgoTruth {
+                id: ActorId::EGO,
                 map_from_ego: Transform::from_roll_pitch_yaw(Point::<Map>::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
                 state,
                 velocity_mps: Vector::new(0.0, 0.0, 0.0),

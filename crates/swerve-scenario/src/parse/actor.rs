@@ -19,7 +19,9 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
 pub(super) struct Setting<'a> {
     pub(super) id: ActorId,
     pub(super) name: &'a str,
-    /// Names of all actors, to resolve references.
+    /// Name of the first ego.
+    pub(super) ego: &'a str,
+    /// Names of all actors and other egos, to resolve references.
     pub(super) names: &'a [String],
     /// True if the scenario is on a map.
     pub(super) on_map: bool,
@@ -27,7 +29,7 @@ pub(super) struct Setting<'a> {
     pub(super) map: Option<&'a Loaded>,
 }
 
-pub(super) fn read(table: &TableReader<'_>, Setting { id, name, names, on_map, map }: Setting<'_>) -> Actor {
+pub(super) fn read(table: &TableReader<'_>, Setting { id, name, ego, names, on_map, map }: Setting<'_>) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
@@ -52,7 +54,7 @@ pub(super) fn read(table: &TableReader<'_>, Setting { id, name, names, on_map, m
         },
         d_m: if at_start { table.number_or("d_m", 0.0, PLACE) } else { table.number("d_m", PLACE) },
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
-        trigger: trigger(table, names),
+        trigger: trigger(table, ego, names),
         motion: motions(table, kind),
         line: course.map(line_of),
     };
@@ -86,18 +88,18 @@ fn extent(table: &TableReader<'_>, kind: Option<ActorKind>, usual: [f64; 3]) -> 
     Extent { length_m, width_m, height_m }
 }
 
-fn trigger(table: &TableReader<'_>, names: &[String]) -> Option<Trigger> {
+fn trigger(table: &TableReader<'_>, ego: &str, names: &[String]) -> Option<Trigger> {
     let table = table.table_if_any("trigger")?;
     let which = table.only_one(&["distance", "time", "reaches"]);
     let trigger = which.and_then(|key| {
         let inner = table.table_if_any(key)?;
         let trigger = match key {
             "distance" => Trigger::Distance {
-                to: subject(&inner, "to", names),
+                to: subject(&inner, "to", ego, names),
                 within_m: inner.number("within_m", WAY),
             },
             "time" => Trigger::Time { at_s: inner.number("at_s", Range::between(0.0, 86_400.0)) },
-            _ => Trigger::Reaches { who: subject(&inner, "who", names), s_m: inner.number("s_m", PLACE) },
+            _ => Trigger::Reaches { who: subject(&inner, "who", ego, names), s_m: inner.number("s_m", PLACE) },
         };
         inner.finish();
         Some(trigger)
@@ -106,9 +108,10 @@ fn trigger(table: &TableReader<'_>, names: &[String]) -> Option<Trigger> {
     trigger
 }
 
-fn subject(table: &TableReader<'_>, key: &'static str, names: &[String]) -> Subject {
+fn subject(table: &TableReader<'_>, key: &'static str, ego: &str, names: &[String]) -> Subject {
     match table.text_if_any(key).as_deref() {
         None | Some("ego") => Subject::Ego,
+        Some(name) if name == ego => Subject::Ego,
         Some(name) => {
             if let Some(id) = identity(name, names) {
                 return Subject::Actor(id);

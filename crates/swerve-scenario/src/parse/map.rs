@@ -12,8 +12,8 @@ use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
 
-use super::{ANGLE, PLACE, program};
-use crate::{Closure, MapCourse, SignalProgram, TrafficLight};
+use super::{ANGLE, PLACE, SPEED, program};
+use crate::{Closure, Course, EgoStart, MapCourse, Road, SignalProgram, TrafficLight};
 
 /// Length of the line of an actor beyond its start or goal, metres.
 const ACTOR_BEYOND_M: f64 = 1_000.0;
@@ -33,7 +33,7 @@ pub(super) struct Loaded {
 }
 
 /// A way over the map as a line, with the arc lengths of start and end.
-pub(super) struct Course {
+pub(super) struct Way {
     pub(super) route: Route,
     /// Start, places on the way, and goal if there is one.
     pub(super) stops: Vec<Stop>,
@@ -167,7 +167,7 @@ impl Loaded {
     }
 
     /// Reads start, via and goal of a table, and the way between them; without a goal the start alone.
-    pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool) -> Option<Course> {
+    pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool) -> Option<Way> {
         let mut stops = vec![self.place(table, "start")];
         let via = table.tables("via", |_| None);
         if via.len() > VIA_MAX {
@@ -191,7 +191,7 @@ impl Loaded {
         };
         let beyond_m = if needs_goal { MapCourse::BEYOND_GOAL_M } else { ACTOR_BEYOND_M };
         match Route::over(&self.file.map, &way, beyond_m) {
-            Ok((route, [start_m, goal_m])) => Some(Course { route, stops, start_m, goal_m }),
+            Ok((route, [start_m, goal_m])) => Some(Way { route, stops, start_m, goal_m }),
             Err(error) => {
                 table.report("start", error.to_string());
                 None
@@ -199,9 +199,32 @@ impl Loaded {
         }
     }
 
+    /// Reads the table of an ego: its start, and the ground with its way. `None` after a problem of the way.
+    pub(super) fn ego(&self, top: &TableReader<'_>, table: &TableReader<'_>) -> Option<(EgoStart, Road)> {
+        let course = self.course(table, true)?;
+        let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
+        let target_mps =
+            table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
+        if target_mps.is_none() {
+            table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
+        }
+        let ego = EgoStart {
+            s_m: course.start_m,
+            d_m: table.number_or("d_m", 0.0, PLACE),
+            heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
+            target_speed_mps: target_mps.unwrap_or(0.0),
+            start_speed_mps: table.number_if_any("start_speed_mps", SPEED),
+            end_m: course.goal_m,
+        };
+        table.finish();
+        let lights = self.lights(&course.route);
+        let course = Course::Map(Arc::new(self.on(top, course)));
+        Some((ego, Road { course, friction: self.friction, lights }))
+    }
+
     /// Traffic lights of the map that have phases: those of the scenario, else those of the file. Lights that the ego
     /// obeys have the stop line on its route.
-    pub(super) fn lights(&self, route: &Route) -> Vec<TrafficLight> {
+    fn lights(&self, route: &Route) -> Vec<TrafficLight> {
         let map = &self.file.map;
         let phased = |signal: &Signal| {
             let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
@@ -227,7 +250,7 @@ impl Loaded {
     }
 
     /// The map under the ego's route. On a way that is too steep or too much banked, that is a problem.
-    pub(super) fn on(&self, top: &TableReader<'_>, course: Course) -> MapCourse {
+    fn on(&self, top: &TableReader<'_>, course: Way) -> MapCourse {
         let warning = slopes::warning(&self.file, &course);
         let warning = warning.unwrap_or_else(|message| {
             top.reading().report("map.file", message);
@@ -247,7 +270,7 @@ impl Loaded {
 }
 
 /// Line of an actor's own way.
-pub(super) fn line_of(course: Course) -> Arc<Polyline> {
+pub(super) fn line_of(course: Way) -> Arc<Polyline> {
     Arc::new(course.route.line().clone())
 }
 

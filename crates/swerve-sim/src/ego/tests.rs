@@ -25,7 +25,7 @@ impl Drive {
         let upright = (1.0 - lean[0] * lean[0] - lean[1] * lean[1]).sqrt();
         world.gravity = to_vec(nalgebra::Vector3::new(lean[0], lean[1], -upright) * G);
         world.integration_parameters.dt = convert::narrow(1.0 / rate_hz);
-        let ego = EgoCar::spawn(&mut world, params, Pose2::new(0.0, 0.0, 0.0), speed_mps);
+        let ego = EgoCar::spawn(&mut world, ActorId::EGO, params, Pose2::new(0.0, 0.0, 0.0), speed_mps);
         Self { world, ego, friction: 0.9, dt_s: 1.0 / rate_hz }
     }
 
@@ -385,7 +385,7 @@ fn truth_is_consistent() {
 fn car_starts_at_the_given_pose_in_the_map() {
     let mut world = PhysicsWorld::new();
     let pose = Pose2::new(40.0, -3.0, 2.5);
-    let truth = EgoCar::spawn(&mut world, &car(), pose, 7.0).truth(&world);
+    let truth = EgoCar::spawn(&mut world, ActorId::EGO, &car(), pose, 7.0).truth(&world);
     assert!(truth.state.pose.point().distance(pose.point()) < 1e-5);
     assert!((truth.state.pose.heading_rad - 2.5).abs() < 1e-6);
     assert!((truth.state.speed_mps - 7.0).abs() < 1e-5);

@@ -13,6 +13,7 @@ pub(super) fn world(actors: Vec<Actor>) -> WorldState {
     WorldState {
         stamp: Time::from_ms(500),
         ego: EgoTruth {
+            id: ActorId::EGO,
             map_from_ego: Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
             state: EgoState { pose, speed_mps: 10.0, ..EgoState::default() },
             velocity_mps: Vector::new(10.0, 0.0, 0.0),

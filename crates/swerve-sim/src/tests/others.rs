@@ -47,7 +47,7 @@ fn collision_of_others_names_both_and_does_not_end_the_run() {
     let parked = CAR.replace("\"car\"\nkind", "\"parked\"\nkind").replace("60.0", "100.0");
     let moving = format!("{CAR}motion = [{{ drive = {{ along = \"heading\", speed_mps = 8.0 }} }}]\n");
     let [hit] = &of_a_drive(&beside(&(moving + &parked)))[..] else { panic!("one collision") };
-    assert_eq!((hit.parties, hit.with_ego()), ([ActorId(1), ActorId(2)], None));
+    assert_eq!((hit.parties, hit.other_than(ActorId::EGO)), ([ActorId(1), ActorId(2)], None));
     // 36 m between rear and front at 8 m/s. Drivers do not feel impulses.
     assert!((hit.stamp.as_secs() - 4.5).abs() < 0.0051, "{hit:?}");
     assert!((hit.closing_speed_mps - 8.0).abs() < 1e-6 && hit.speeds_mps == [8.0, 0.0], "{hit:?}");

@@ -4,7 +4,7 @@ use swerve_map::{LaneId, Map, Stretch};
 use swerve_map_io::MapFile;
 use swerve_map_io::slope::Slope;
 
-use super::Course;
+use super::Way;
 
 /// Standard gravity, m/s².
 const GRAVITY_MPS2: f64 = 9.81;
@@ -29,7 +29,7 @@ const BANK: Limits = Limits { name: "bank", warned: 0.04, most: 0.10 };
 ///
 /// # Errors
 /// If it is too steep or too much banked to be driven on the flat projection.
-pub(super) fn warning(file: &MapFile, course: &Course) -> Result<Option<String>, String> {
+pub(super) fn warning(file: &MapFile, course: &Way) -> Result<Option<String>, String> {
     let slopes = file.slopes(parts(&file.map, course));
     let found = [(GRADE, &slopes.grade), (BANK, &slopes.bank)];
     let of = |limit: fn(&Limits) -> f64| {
@@ -62,7 +62,7 @@ fn described(limits: &Limits, Slope { slope, road, s_m }: &Slope) -> String {
 }
 
 /// Lanes from the start to the goal, each with its part, metres.
-fn parts(map: &Map, course: &Course) -> Vec<(LaneId, [f64; 2])> {
+fn parts(map: &Map, course: &Way) -> Vec<(LaneId, [f64; 2])> {
     let (stretches, line) = (course.route.stretches(), course.route.line());
     let part = |(k, stretch): (usize, &Stretch)| {
         let end_m = stretches.get(k + 1).map_or(line.length(), |next| next.begin_m);

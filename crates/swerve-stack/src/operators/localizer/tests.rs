@@ -48,6 +48,7 @@ impl Drive {
             ..EgoState::default()
         };
         let ego = EgoTruth {
+            id: ActorId::EGO,
             map_from_ego: Transform::from_roll_pitch_yaw(Point::new(x, y, 0.0), 0.0, 0.0, heading),
             state,
             velocity_mps: Vector::new(

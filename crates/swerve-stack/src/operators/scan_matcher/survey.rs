@@ -63,6 +63,7 @@ pub(super) fn survey(config: &Config, scenario: &Scenario, lidar: &LidarConfig) 
 /// A world with no actors.
 fn alone(map_from_ego: Transform<Map, Ego>) -> WorldState {
     let ego = EgoTruth {
+        id: ActorId::EGO,
         map_from_ego,
         state: EgoState::default(),
         velocity_mps: Vector::default(),
