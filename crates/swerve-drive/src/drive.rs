@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use swerve_core::Digest;
 use swerve_eval::{Metrics, Verdict};
 use swerve_flow::{Observer, RunOptions, RunReport, RuntimeModel, run_virtual, run_wall};
 use swerve_log::Log;
 use swerve_scenario::{Expectation, Metric, Scenario};
-use swerve_stack::Rendered;
-use swerve_stack::Setup;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Namespace, Rendered, Setup};
 
+use crate::ego::OfEgo;
 use crate::measured::Measured;
 use crate::process::Processes;
 use crate::rungs::Rungs;
@@ -31,6 +32,19 @@ pub struct Outcome {
     pub rendered: Option<Rendered>,
     /// Rungs and time budgets chosen under deadlines.
     pub rungs: Rungs,
+    /// Results of the other egos, ordered by identity.
+    pub others: Vec<OtherOutcome>,
+}
+
+/// Result of an ego beside the first.
+#[derive(Clone, Debug)]
+pub struct OtherOutcome {
+    /// Name of the ego.
+    pub ego: String,
+    /// Metrics.
+    pub metrics: Metrics,
+    /// As [`Outcome::road_margin_m`].
+    pub road_margin_m: f64,
 }
 
 /// Runs a scenario without writing files.
@@ -57,7 +71,12 @@ pub fn drive_pipeline(
     threads: usize,
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Outcome> {
-    let mut measured = Measured::new(&pipeline)?;
+    let stacks = pipeline.stacks();
+    let measured: anyhow::Result<Vec<Measured>> =
+        stacks.iter().map(|stack| Measured::new(&pipeline, stack)).collect();
+    let mut measured = measured?;
+    let names: Vec<Namespace> = stacks.iter().map(|stack| stack.names.clone()).collect();
+    let egos: Vec<String> = stacks.iter().map(|stack| stack.scenario.ego_name.clone()).collect();
     let rendered = pipeline.rendered();
     let run = match pipeline.clock {
         Clock::Virtual => run_virtual,
@@ -65,17 +84,28 @@ pub fn drive_pipeline(
     };
     let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
     let report = {
-        let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
+        let measuring = names.iter().zip(&mut measured);
+        let mut measuring: Vec<_> =
+            measuring.map(|(names, measured)| OfEgo::new(names, measured as &mut dyn Observer)).collect();
+        let mut all: Vec<&mut dyn Observer> = measuring.iter_mut().map(|m| m as &mut dyn Observer).collect();
         all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
         run(pipeline.graph, &options, all)?
     };
-    Ok(Outcome {
+    let mut measured = egos.into_iter().zip(measured);
+    let (_, first) = measured.next().context("a run has an ego")?;
+    let other = |(ego, measured): (String, Measured)| OtherOutcome {
+        ego,
         metrics: measured.evaluation.metrics(),
-        digest: report.digest,
         road_margin_m: measured.road_margin_m,
+    };
+    Ok(Outcome {
+        metrics: first.evaluation.metrics(),
+        digest: report.digest,
+        road_margin_m: first.road_margin_m,
         report,
         rendered: rendered(),
-        rungs: measured.rungs,
+        rungs: first.rungs,
+        others: measured.map(other).collect(),
     })
 }
 
@@ -90,44 +120,53 @@ pub fn record_run_times(pipeline: &mut Pipeline, log: &Log, takes: impl Fn(&str)
 }
 
 impl Outcome {
-    /// Lists the deviations from the expected result.
+    /// Lists the deviations from the expected result, which is that of every ego.
     pub fn broken(&self, expected: &Expectation) -> Vec<String> {
-        if self.metrics.verdict == Verdict::Unfinished {
-            return vec!["the run was ended before the scenario was".into()];
-        }
-        let plans = &self.metrics.plans;
-        match self.metrics.verdict {
-            // A stop for an uncertain pose may end at another place and time.
-            Verdict::Stopped
-                if plans.pose_uncertain_since_s.or(self.metrics.pose_silent_since_s).is_some() =>
-            {
-                let until_stop = expected.until_stop();
-                until_stop.broken_by(until_stop.verdict, |metric| self.value_of(metric))
-            }
-            verdict => expected.broken_by(verdict, |metric| self.value_of(metric)),
-        }
+        let first = broken((&self.metrics, self.road_margin_m), expected);
+        let others = self.others.iter().flat_map(|other| {
+            let found = broken((&other.metrics, other.road_margin_m), expected);
+            found.into_iter().map(|found| format!("{}: {found}", other.ego))
+        });
+        first.into_iter().chain(others).collect()
     }
+}
 
-    /// Value of a metric that a scenario can bound.
-    fn value_of(&self, metric: Metric) -> Option<f64> {
-        let metrics = &self.metrics;
-        match metric {
-            Metric::MinDistanceM => metrics.min_distance_m,
-            Metric::ImpactSpeedMps => metrics.impact_speed_mps,
-            Metric::ClosingSpeedMps => metrics.impact.map(|i| i.closing_speed_mps),
-            Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
-            Metric::DurationS => Some(metrics.drive.duration_s),
-            Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
-            Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
-            Metric::DecelerationMaxMps2 => Some(metrics.drive.deceleration_max_mps2),
-            Metric::ComfortShare => metrics.comfort.map(|comfort| comfort.share_within),
-            Metric::RoadMarginM => Some(self.road_margin_m),
-            Metric::RedLightsPassed => Some(metrics.red_lights_passed as f64),
-            Metric::MinTtcS => metrics.safety.min_ttc_s,
-            Metric::MinHeadwayS => metrics.safety.min_headway_s,
-            Metric::DistanceOverLineM => metrics.safety.distance_over_line_m,
-            Metric::TimeInOncomingLaneS => metrics.safety.time_in_oncoming_lane_s,
-            Metric::SpeedOverTargetMps => metrics.safety.speed_over_target_mps,
+/// Deviations of one ego's drive, by its metrics and its distance to the edge of the road, m, from the expected result.
+fn broken((metrics, road_margin_m): (&Metrics, f64), expected: &Expectation) -> Vec<String> {
+    if metrics.verdict == Verdict::Unfinished {
+        return vec!["the run was ended before the scenario was".into()];
+    }
+    let value = |metric| value_of((metrics, road_margin_m), metric);
+    match metrics.verdict {
+        // A stop for an uncertain pose may end at another place and time.
+        Verdict::Stopped
+            if metrics.plans.pose_uncertain_since_s.or(metrics.pose_silent_since_s).is_some() =>
+        {
+            let until_stop = expected.until_stop();
+            until_stop.broken_by(until_stop.verdict, value)
         }
+        verdict => expected.broken_by(verdict, value),
+    }
+}
+
+/// Value of a metric that a scenario can bound.
+fn value_of((metrics, road_margin_m): (&Metrics, f64), metric: Metric) -> Option<f64> {
+    match metric {
+        Metric::MinDistanceM => metrics.min_distance_m,
+        Metric::ImpactSpeedMps => metrics.impact_speed_mps,
+        Metric::ClosingSpeedMps => metrics.impact.map(|i| i.closing_speed_mps),
+        Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
+        Metric::DurationS => Some(metrics.drive.duration_s),
+        Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
+        Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
+        Metric::DecelerationMaxMps2 => Some(metrics.drive.deceleration_max_mps2),
+        Metric::ComfortShare => metrics.comfort.map(|comfort| comfort.share_within),
+        Metric::RoadMarginM => Some(road_margin_m),
+        Metric::RedLightsPassed => Some(metrics.red_lights_passed as f64),
+        Metric::MinTtcS => metrics.safety.min_ttc_s,
+        Metric::MinHeadwayS => metrics.safety.min_headway_s,
+        Metric::DistanceOverLineM => metrics.safety.distance_over_line_m,
+        Metric::TimeInOncomingLaneS => metrics.safety.time_in_oncoming_lane_s,
+        Metric::SpeedOverTargetMps => metrics.safety.speed_over_target_mps,
     }
 }

@@ -4,6 +4,7 @@
 //! configuration into a run with an [`Outcome`].
 
 mod drive;
+mod ego;
 mod lights;
 mod load;
 mod measured;
@@ -27,7 +28,8 @@ pub mod threads;
 pub mod trust;
 pub mod views;
 
-pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
+pub use drive::{OtherOutcome, Outcome, drive, drive_observed, drive_pipeline, record_run_times};
+pub use ego::{EgoRun, OfEgo, of_ego};
 pub use lights::light_courses;
 pub use load::{
     RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,

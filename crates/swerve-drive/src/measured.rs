@@ -6,8 +6,8 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{LineTracker, Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
-use swerve_scenario::Road;
-use swerve_stack::pipeline::Pipeline;
+use swerve_scenario::{Road, Scenario};
+use swerve_stack::pipeline::{Pipeline, Stack};
 use swerve_vehicle::Shape;
 
 use crate::lights::light_courses;
@@ -26,13 +26,13 @@ struct Publishers {
 }
 
 impl Publishers {
-    fn new(pipeline: &Pipeline) -> Self {
-        let assembly = &pipeline.assembly;
+    fn new(stack: &Stack<'_>) -> Self {
+        let assembly = stack.assembly;
         let pedals = assembly.publisher::<Command>().filter(|_| assembly.publisher::<GateOutput>().is_none());
         Self {
             imu: assembly.publisher::<Imu>().map(str::to_owned),
             pose: assembly.publisher::<EgoState>().map(str::to_owned),
-            pose_heard: pipeline.publisher_after_faults::<EgoState>().map(str::to_owned),
+            pose_heard: stack.publisher_after_faults::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
@@ -64,37 +64,38 @@ pub fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
-/// Speed that the scenario requires of the ego.
-pub fn norm(pipeline: &Pipeline) -> Norm {
-    Norm { target_speed_mps: Some(pipeline.scenario.ego.target_speed_mps) }
+/// Speed that a scenario requires of its ego.
+pub fn norm(scenario: &Scenario) -> Norm {
+    Norm { target_speed_mps: Some(scenario.ego.target_speed_mps) }
 }
 
 impl Measured {
-    pub(crate) fn new(pipeline: &Pipeline) -> anyhow::Result<Self> {
+    /// Measures the stack of one ego; its events have the names of its assembly.
+    pub(crate) fn new(pipeline: &Pipeline, stack: &Stack<'_>) -> anyhow::Result<Self> {
         let shape = pipeline.vehicle.shape;
         let ego = outline(&shape);
-        let operators: Vec<String> =
-            pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
+        let graph = pipeline.graph.describe()?;
+        let own = |name: &str| stack.names.own(name).map(str::to_owned);
+        let operators: Vec<String> = graph.operators.iter().filter_map(|o| own(&o.name)).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
-        let actors = pipeline.scenario.names();
-        let route = Some(pipeline.route.clone());
-        let lights = light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until);
+        let Stack { scenario, route, .. } = *stack;
+        let lights = light_courses(&scenario.road, route, pipeline.until);
         let params = swerve_eval::Params {
             ego,
             dead_time,
             operators: operators.clone(),
-            actors,
-            route,
+            actors: scenario.names(),
+            route: Some(route.clone()),
             lights,
-            norm: norm(pipeline),
+            norm: norm(scenario),
         };
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,
-            publishers: Publishers::new(pipeline),
-            road: pipeline.scenario.road.clone(),
+            publishers: Publishers::new(stack),
+            road: scenario.road.clone(),
             until: pipeline.until,
-            route: pipeline.route.clone(),
+            route: route.clone(),
             place: LineTracker::default(),
             shape,
             road_margin_m: f64::INFINITY,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer, StopHandle};
 use swerve_foxglove::Foxglove;
-use swerve_log::{LeavesOut, LogError, Recorder, RunStart};
+use swerve_log::{LeavesOut, LogError, Recorder, RunStart, Views};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
 use swerve_scenario::Scenario;
@@ -15,6 +15,7 @@ use swerve_stack::config::Images;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
+use crate::ego::OfEgo;
 use crate::load::problems_error;
 use crate::views::views_of;
 
@@ -83,7 +84,8 @@ pub fn set_up(recorder: &mut Recorder, config: &Setup, pipeline: &Pipeline) {
     }
     if config.log.foxglove {
         let own = Foxglove::new(views_of(config, pipeline));
-        recorder.show(Box::new(config.registry.with_views_of(own)));
+        let views: Box<dyn Views> = Box::new(config.registry.with_views_of(own));
+        recorder.show(Box::new(OfEgo::new(&pipeline.names, views)));
     }
 }
 

@@ -10,8 +10,8 @@ use crate::graph::Graph;
 use crate::input::{PortSpec, Show, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context};
-use crate::payload::{ErasedPayload, PayloadType};
-use crate::sent::Outs;
+use crate::payload::{ErasedPayload, Payload, PayloadType};
+use crate::sent::{Outs, Sent};
 use crate::stream::{AnyStream, Edge};
 
 /// One input of an operator whose types are known at run time only.
@@ -34,6 +34,13 @@ pub struct AnyMessage {
     pub header: Header,
     /// Payload of the message.
     pub payload: Arc<dyn ErasedPayload>,
+}
+
+impl AnyMessage {
+    /// The payload, if it is of this type.
+    pub fn downcast_ref<T: Payload>(&self) -> Option<&T> {
+        self.payload.as_any().downcast_ref()
+    }
 }
 
 /// Contents of one port for one step.
@@ -78,6 +85,20 @@ pub enum AnyOutputError {
 }
 
 impl AnyOutputs<'_> {
+    /// Publishes a message. Of several messages sent on a port in one step, the last one is published.
+    ///
+    /// # Errors
+    /// If the output does not exist, or is of another type.
+    pub fn send<T: Payload>(&mut self, port: usize, payload: T) -> Result<(), AnyOutputError> {
+        let (own, found) = (self.types.get(port).ok_or(AnyOutputError::Port(port))?, PayloadType::of::<T>());
+        if *own != found {
+            let why = format!("it is a {}", found.name());
+            return Err(AnyOutputError::Payload { expected: own.name(), why });
+        }
+        self.outs.set(port, Sent::new(Arc::new(payload)));
+        Ok(())
+    }
+
     /// Types of the outputs, in order.
     pub fn types(&self) -> &[PayloadType] {
         self.types

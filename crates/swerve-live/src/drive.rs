@@ -66,7 +66,7 @@ impl Drive {
 impl Drive {
     /// Writes the report page of a recorded drive into this folder.
     pub(crate) fn report(&self, folder: &Path) -> anyhow::Result<()> {
-        let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
+        let page = page_of_log(&self.config.registry, &folder.join("log.mcap"), None)?;
         write_whole(&folder.join(REPORT), page.html().as_bytes())
     }
 }

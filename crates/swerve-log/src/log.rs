@@ -96,6 +96,42 @@ impl Log {
         }
     }
 
+    /// The log of a part of the run: operators and streams for which `own` gives another name, under that name.
+    #[must_use]
+    pub fn part(&self, own: impl Fn(&str) -> Option<String>) -> Self {
+        let stream = |info: &Arc<StreamInfo>| {
+            let (stream, operator) = (own(&info.stream)?, own(&info.operator)?);
+            Some(Arc::new(StreamInfo { stream, operator, ..(**info).clone() }))
+        };
+        let streams: Vec<Option<Arc<StreamInfo>>> = self.streams.iter().map(stream).collect();
+        let of = |info: &Arc<StreamInfo>| {
+            let index = self.streams.iter().position(|known| known == info)?;
+            streams[index].clone()
+        };
+        let record = |record: &Record| {
+            let mut record = record.clone();
+            match &mut record {
+                Record::Publication(p) => p.stream = of(&p.stream)?,
+                Record::Watermark(w) => (w.stream, w.operator) = (own(&w.stream)?, own(&w.operator)?),
+                Record::Step(s) => s.operator = own(&s.operator)?,
+                Record::Unfinished(s) => s.operator = own(&s.operator)?,
+                Record::Miss(m) => m.operator = own(&m.operator)?,
+                Record::Drop(d) => d.operator = own(&d.operator)?,
+                Record::Decision(_) => {}
+            }
+            Some(record)
+        };
+        let records = self.records.iter().filter_map(record).collect();
+        let (start, end) = (self.start.clone(), self.end.clone());
+        Self {
+            start,
+            end,
+            is_sealed: self.is_sealed,
+            streams: streams.iter().flatten().cloned().collect(),
+            records,
+        }
+    }
+
     /// Messages of one stream, in order.
     pub fn publications<'a>(&'a self, stream: &'a str) -> impl Iterator<Item = &'a PublicationRecord> {
         self.all_publications().filter(move |p| p.stream.stream == stream)

@@ -266,7 +266,8 @@ impl Scenario {
     /// Identities and names of all egos, ordered by identity.
     pub fn egos(&self) -> Vec<(ActorId, &str)> {
         let others = self.other_egos.iter().map(|other| (other.id, other.name.as_str()));
-        let mut egos: Vec<_> = core::iter::once((self.ego_id, self.ego_name.as_str())).chain(others).collect();
+        let mut egos: Vec<_> =
+            core::iter::once((self.ego_id, self.ego_name.as_str())).chain(others).collect();
         egos.sort_unstable();
         egos
     }
@@ -294,10 +295,42 @@ impl Scenario {
                 other => other,
             };
         }
-        view.other_egos.push(OtherEgo { id: view.ego_id, name: view.ego_name, start: view.ego, road: view.road });
+        view.other_egos.push(OtherEgo {
+            id: view.ego_id,
+            name: view.ego_name,
+            start: view.ego,
+            road: view.road,
+        });
         view.other_egos.sort_by_key(|other| other.id);
         (view.ego_id, view.ego_name, view.ego, view.road) = (id, name, start, road);
         Some(view)
+    }
+
+    /// The scenario for its ego alone, with vehicles of the given outline: the other egos are actors, which stand where
+    /// they start. For logs, in which all of them have moved already.
+    #[must_use]
+    pub fn alone(mut self, shape: &Shape) -> Self {
+        for other in core::mem::take(&mut self.other_egos) {
+            let place = self.actors.partition_point(|actor| actor.id < other.id);
+            let actor = Actor {
+                id: other.id,
+                name: other.name,
+                kind: ActorKind::Car,
+                extent: Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m },
+                mass_kg: 1_500.0,
+                line: Some(Arc::new(other.road.line())),
+                s_m: other.start.s_m,
+                d_m: other.start.d_m,
+                heading_rad: other.start.heading_rad,
+                trigger: None,
+                motion: Vec::new(),
+            };
+            self.actors.insert(place, actor);
+            if let Some(draws) = &mut self.draws {
+                draws.trigger_m.insert(place.min(draws.trigger_m.len()), 0.0);
+            }
+        }
+        self
     }
 
     /// The expectation for the named pipeline: its own entry, else the one without a pipeline.

@@ -15,7 +15,8 @@ use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest
 use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{
-    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight, check,
+    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight,
+    check,
 };
 
 /// Positions along and across the road, metres.

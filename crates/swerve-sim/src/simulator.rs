@@ -76,7 +76,11 @@ struct Ego {
 
 impl Ego {
     /// Puts the ego of a scenario on its free place of the road.
-    fn spawn(world: &mut PhysicsWorld, scenario: &Scenario, vehicle: &VehicleParams) -> Result<Self, SimError> {
+    fn spawn(
+        world: &mut PhysicsWorld,
+        scenario: &Scenario,
+        vehicle: &VehicleParams,
+    ) -> Result<Self, SimError> {
         let route = scenario.road.route();
         let pose = scenario.ego_pose(route.line(), &vehicle.shape);
         free_road(scenario, &route, &vehicle.shape)?;
@@ -183,7 +187,8 @@ impl Simulator {
             self.actors.push(Player { body, driver: Box::new(driver), s_m: at.s_m });
             self.state.actors.push(state);
         }
-        let others: Vec<Actor> = self.egos[1..].iter().map(|ego| self.as_actor(&ego.car.truth(&self.world))).collect();
+        let others: Vec<Actor> =
+            self.egos[1..].iter().map(|ego| self.as_actor(&ego.car.truth(&self.world))).collect();
         self.state.actors.extend(others);
         let actors = &self.state.actors;
         for [i, j] in contact::near_pairs(actors, 0.0) {

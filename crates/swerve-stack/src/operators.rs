@@ -56,6 +56,7 @@ pub(crate) use dead_reckoning::Carried;
 pub(crate) use localizer::Filter;
 pub use obstacles::ObstacleSight;
 pub(crate) use pose::PoseSensor;
+pub(crate) use world::add_shared;
 
 /// Registers all operators.
 pub(crate) fn all(registry: Registry) -> Registry {

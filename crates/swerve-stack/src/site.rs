@@ -18,6 +18,7 @@ use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::ladder::{Ladder, RUNG, Schedule};
+use crate::namespace::Namespace;
 use crate::setup::Setup;
 use crate::shot::Shots;
 use crate::stage::{SharedStage, StreamMemory};
@@ -112,11 +113,11 @@ pub struct Surroundings {
 #[derive(Default)]
 pub(crate) struct Building {
     pub(crate) graph: Graph,
-    /// Streams with injected faults, by name: the faulty stream that readers get.
+    /// Streams with injected faults, by name in the graph: the faulty stream that readers get.
     pub(crate) befallen: BTreeMap<String, swerve_flow::AnyStream>,
     /// Last fault of each stream with injected faults, by the name of the stream.
     pub(crate) last_fault: BTreeMap<String, String>,
-    /// Feedback edges and the streams that they carry.
+    /// Feedback edges and the streams that they carry, by their names in the graph.
     pub(crate) loops: Vec<(AnyFeedback, Edge)>,
     /// Memory of the images and point clouds of each stream.
     pub(crate) memory: BTreeMap<String, StreamMemory>,
@@ -138,6 +139,8 @@ pub struct Site<'a> {
     pub(crate) placed: &'a Placed,
     pub(crate) setup: &'a Setup,
     pub(crate) surroundings: &'a Surroundings,
+    /// Names in the graph.
+    pub(crate) names: &'a Namespace,
     /// Settings of the rung that the operator is built for, if it is on a ladder.
     pub(crate) on_rung: Option<OnRung>,
 }
@@ -191,11 +194,13 @@ impl Site<'_> {
     /// It is not a stream of deadlines.
     pub(crate) fn lengths(&mut self, stream: &str) -> anyhow::Result<Source<Span>> {
         let Building { graph, loops, .. } = &mut *self.building;
+        let stream = &*self.names.stream(stream);
         if let Some(known) = graph.stream(stream) {
             let known = known.typed::<Span>();
             return Ok(known.with_context(|| format!("`{stream}` carries no deadlines"))?.into());
         }
-        let feedback: Feedback<Span> = graph.feedback(format!("{}.deadline", self.placed.name));
+        let feedback: Feedback<Span> =
+            graph.feedback(self.names.stream(&format!("{}.deadline", self.placed.name)));
         let edge = Edge { stream: stream.to_owned(), feedback: true, raw: true };
         loops.push((feedback.into(), edge));
         Ok(feedback.into())
@@ -237,11 +242,13 @@ impl Site<'_> {
     where
         O: Operator<In: NamedInputs, Out: NamedOutputs>,
     {
-        let Self { building, placed, .. } = self;
+        let Self { building, placed, names, .. } = self;
         let Building { graph, befallen, loops, rungs, .. } = &mut **building;
-        let feed = |graph: &mut Graph, port: &PortInfo| feed(graph, befallen, loops, (placed, port), timer);
+        let name = names.operator(&placed.name);
+        let feed =
+            |graph: &mut Graph, port: &PortInfo| feed(graph, befallen, loops, (placed, names, port), timer);
         let Some(ladder) = &placed.schedule.ladder else {
-            graph.add_wired(placed.name.clone(), operator, feed)?;
+            graph.add_wired(name, operator, feed)?;
             return Ok(());
         };
         rungs.push(Box::new(operator));
@@ -252,7 +259,7 @@ impl Site<'_> {
         let rungs: Result<Vec<O>, _> = rungs.collect();
         let rungs =
             rungs.map_err(|_| anyhow::anyhow!("operator.{}: its rungs differ in type", placed.name))?;
-        graph.add_ladder(&placed.name, on_ladder(ladder, rungs, carry), feed)?;
+        graph.add_ladder(&name, on_ladder(ladder, rungs, carry), feed)?;
         Ok(())
     }
 
@@ -261,20 +268,24 @@ impl Site<'_> {
     /// # Errors
     /// As [`add`](Self::add).
     pub fn add_any(&mut self, operator: impl AnyOperator, timer: Option<Timer>) -> anyhow::Result<()> {
-        let Self { building, placed, .. } = self;
+        let Self { building, placed, names, .. } = self;
         let Building { graph, befallen, loops, .. } = &mut **building;
         let inputs = placed.kind.inputs(&placed.settings(self.setup));
         let outputs: Vec<OutputInfo> = placed.outputs.iter().map(|output| output.port.clone()).collect();
-        graph.add_any_wired(&placed.name, operator, (&inputs, &outputs), |graph, port| {
-            feed(graph, befallen, loops, (placed, port), timer)
-        })?;
+        graph.add_any_wired(
+            &names.operator(&placed.name),
+            operator,
+            (&inputs, &outputs),
+            |graph, port| feed(graph, befallen, loops, (placed, names, port), timer),
+        )?;
         Ok(())
     }
 
     /// Adds a source that is fed from outside; the pipeline provides its handle.
     pub fn add_source<T: Payload>(&mut self) {
-        let (_, handle) = self.building.graph.source::<T>(self.placed.name.clone());
-        self.building.sources.insert(self.placed.name.clone(), Box::new(handle));
+        let name = self.names.operator(&self.placed.name);
+        let (_, handle) = self.building.graph.source::<T>(name.clone());
+        self.building.sources.insert(name, Box::new(handle));
     }
 
     /// The operator in the graph, once it is added.
@@ -282,13 +293,14 @@ impl Site<'_> {
     /// # Errors
     /// If it is not added yet.
     pub fn node(&mut self) -> anyhow::Result<OperatorRef<'_, ()>> {
-        Ok(self.building.graph.operator(&self.placed.name)?)
+        Ok(self.building.graph.operator(&self.names.operator(&self.placed.name))?)
     }
 
     /// Memory for large payloads of one of its outputs, with `arrays` in each message.
     pub(crate) fn memory(&mut self, output: &str, arrays: usize) -> StreamMemory {
         let memory = StreamMemory::new(arrays);
-        self.building.memory.insert(format!("{}.{output}", self.placed.name), memory.clone());
+        let stream = self.names.stream(&format!("{}.{output}", self.placed.name));
+        self.building.memory.insert(stream, memory.clone());
         memory
     }
 
@@ -328,7 +340,7 @@ fn feed(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,
     loops: &mut Vec<(AnyFeedback, Edge)>,
-    (placed, port): (&Placed, &PortInfo),
+    (placed, names, port): (&Placed, &Namespace, &PortInfo),
     timer: Option<Timer>,
 ) -> anyhow::Result<Wire> {
     if port.payload.is_none() {
@@ -338,7 +350,7 @@ fn feed(
     let input = placed.inputs.iter().find(|input| input.port.name == port.name);
     let edges = input.map(|input| &input.from[..]).unwrap_or_default();
     let wires: Result<Vec<Wire>, _> =
-        edges.iter().map(|edge| wire(graph, befallen, loops, (&placed.name, port), edge)).collect();
+        edges.iter().map(|edge| wire(graph, befallen, loops, (&placed.name, names, port), edge)).collect();
     let mut wires = wires?;
     Ok(match wires.len() {
         _ if port.many => Wire::Many(wires),
@@ -352,16 +364,17 @@ fn wire(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,
     loops: &mut Vec<(AnyFeedback, Edge)>,
-    (operator, port): (&str, &PortInfo),
+    (operator, names, port): (&str, &Namespace, &PortInfo),
     edge: &Edge,
 ) -> anyhow::Result<Wire> {
     if edge.feedback {
         let payload = port.payload.context("a timer closes no loop")?;
-        let feedback = graph.feedback_any(format!("{operator}.{}", port.name), payload);
-        loops.push((feedback, edge.clone()));
+        let feedback = graph.feedback_any(names.stream(&format!("{operator}.{}", port.name)), payload);
+        loops.push((feedback, Edge { stream: names.stream(&edge.stream), ..*edge }));
         return Ok(feedback.into());
     }
-    let stream = befallen.get(&edge.stream).filter(|_| !edge.raw).copied();
-    let stream = stream.or_else(|| graph.stream(&edge.stream));
+    let name = names.stream(&edge.stream);
+    let stream = befallen.get(&name).filter(|_| !edge.raw).copied();
+    let stream = stream.or_else(|| graph.stream(&name));
     Ok(stream.with_context(|| format!("operator.{operator}: there is no stream `{}`", edge.stream))?.into())
 }

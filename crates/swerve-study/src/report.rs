@@ -22,6 +22,9 @@ pub struct ReportArgs {
     /// Page to write [default: report.html, or comparison.html for two, in the folder of the first]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Ego of a run with several [default: the first]
+    #[arg(long, value_name = "NAME", conflicts_with = "b")]
+    ego: Option<String>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
 }
@@ -44,7 +47,7 @@ pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| folder.join(name));
     args.overwrite.check([out.as_path()])?;
     let html = match (a, args.b.as_deref().map(Source::read).transpose()?) {
-        (Source::Log(log), None) => page_of_log(registry, &log)?.html(),
+        (Source::Log(log), None) => page_of_log(registry, &log, args.ego.as_deref())?.html(),
         (Source::Log(a), Some(Source::Log(b))) => {
             let [a, b] = [LogSoFar::read(&a, |_| true)?, LogSoFar::read(&b, |_| true)?];
             pair_of_logs(registry, &a, &b)?.html()

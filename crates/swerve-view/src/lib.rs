@@ -106,7 +106,7 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
             "{}: a log is shown as it was driven: `swerve replay --set` computes the result of other settings",
             log.display()
         );
-        show.set_page(page_of_log(registry, log)?.html());
+        show.set_page(page_of_log(registry, log, None)?.html());
     }
     let (streams, foxglove) = args.foxglove.map(Streams::start).transpose()?.unzip();
     if let (Some(log), Some(streams)) = (&log, &streams) {

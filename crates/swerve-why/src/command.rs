@@ -20,6 +20,9 @@ pub struct WhyArgs {
     /// Explain the actor that was nearest at this instant, in seconds
     #[arg(long, value_name = "T")]
     at: Option<f64>,
+    /// Ego of a run with several [default: the first]
+    #[arg(long, value_name = "NAME")]
+    ego: Option<String>,
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
@@ -31,7 +34,7 @@ const OF_RUN_BYTES: usize = 80 << 20;
 /// Runs `swerve why`.
 pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = given_log(&args.log)?;
-    let why = Logged::read(&log, registry)?.why_of(args.actor.as_deref(), args.at)?;
+    let why = Logged::read(&log, registry, args.ego.as_deref())?.why_of(args.actor.as_deref(), args.at)?;
     if args.json {
         return print(&(serde_json::to_string_pretty(&why)? + "\n"));
     }
@@ -41,6 +44,6 @@ pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
 /// Causal chain of a run that was just recorded. If it cannot be computed, the run is complete all the same, and the
 /// reason is reported on standard error.
 pub fn of_run(log: &std::path::Path, registry: &Registry, metrics: &Metrics) -> Option<Why> {
-    let why = Logged::read_within(log, registry, OF_RUN_BYTES).and_then(|logged| logged.why(metrics));
+    let why = Logged::read_within((log, None), registry, OF_RUN_BYTES).and_then(|logged| logged.why(metrics));
     why.inspect_err(|error| tell(&format!("warning: why it ended so is not known: {error:#}"))).ok()
 }

@@ -23,7 +23,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
 use swerve_drive::page::LogSoFar;
-use swerve_drive::{light_courses, logged_scenario, norm, outline, problems_error};
+use swerve_drive::{EgoRun, light_courses, logged_scenario, norm, of_ego, outline, problems_error};
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EndReason, Verdict, WorldState};
@@ -130,20 +130,24 @@ fn impact_of(metrics: &Metrics) -> Option<Time> {
 }
 
 impl Logged {
-    /// Reads a log without images and point clouds. A truncated log is read as far as possible, with a note on standard
+    /// Reads a log without images and point clouds, of the named or the first ego. A truncated log is read as far as possible, with a note on standard
     /// error.
     ///
     /// # Errors
     /// If it is not a log, or is the log of a vehicle, which has no ground truth.
-    pub fn read(path: &Path, registry: &Registry) -> anyhow::Result<Self> {
-        Self::read_within(path, registry, usize::MAX)
+    pub fn read(path: &Path, registry: &Registry, ego: Option<&str>) -> anyhow::Result<Self> {
+        Self::read_within((path, ego), registry, usize::MAX)
     }
 
     /// Same as [`read`](Self::read), for a log that fits into about `bytes_max` bytes of memory.
     ///
     /// # Errors
     /// Same as there, or if it does not fit.
-    fn read_within(path: &Path, registry: &Registry, bytes_max: usize) -> anyhow::Result<Self> {
+    fn read_within(
+        (path, ego): (&Path, Option<&str>),
+        registry: &Registry,
+        bytes_max: usize,
+    ) -> anyhow::Result<Self> {
         const BIG: [&str; 3] = ["::Image", "::PointCloud", "::PointInstances"];
         let bytes = Cell::new(0_usize);
         let is_kept = |record: &Record| {
@@ -167,7 +171,10 @@ impl Logged {
             bail!("{}: of a vehicle: the log does not hold where the others were", path.display());
         }
         let scenario = logged_scenario(&log.start)?;
-        Ok(Self { log, config, scenario })
+        Ok(match of_ego(&log, &config, &scenario, ego)? {
+            Some(EgoRun { log, setup, scenario }) => Self { log, config: setup, scenario },
+            None => Self { log, config, scenario },
+        })
     }
 
     /// Causal chain of the actor that decided the verdict of a run with these metrics, or of the event that did if no
@@ -211,12 +218,12 @@ impl Logged {
             actors: pipeline.scenario.names(),
             route: Some(pipeline.route.clone()),
             lights: light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until),
-            norm: norm(&pipeline),
+            norm: norm(&pipeline.scenario),
         });
+        let stack = pipeline.stack();
         let assembly = &pipeline.assembly;
         let (gate, plans) = (assembly.publisher::<GateOutput>(), assembly.publisher::<Plan>());
-        let (poses, heard) =
-            (assembly.publisher::<EgoState>(), pipeline.publisher_after_faults::<EgoState>());
+        let (poses, heard) = (assembly.publisher::<EgoState>(), stack.publisher_after_faults::<EgoState>());
         let routes = assembly.publisher::<Route>();
         let stream = assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));

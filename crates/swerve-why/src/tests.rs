@@ -31,7 +31,7 @@ fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut recording]).unwrap();
     recording.finish().unwrap();
-    (Logged::read(&path, &registry).unwrap(), outcome.metrics)
+    (Logged::read(&path, &registry, None).unwrap(), outcome.metrics)
 }
 
 /// Metrics of a drive past one car, modified by `of`.
@@ -314,7 +314,7 @@ fn truncated_log_is_explained_up_to_its_end() {
     let cut = |bytes: usize| {
         let path = folder.path().join("cut.mcap");
         std::fs::write(&path, &whole[..bytes]).unwrap();
-        Logged::read(&path, &Registry::standard()).unwrap().why_of(None, None).unwrap()
+        Logged::read(&path, &Registry::standard(), None).unwrap().why_of(None, None).unwrap()
     };
     assert_eq!(cut(whole.len() - 1), logged.why_of(None, None).unwrap());
     for part in [3, 5, 8] {

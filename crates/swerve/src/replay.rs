@@ -174,7 +174,25 @@ impl Cut {
             let played = is_source || is_blind || is_above;
             if played { &mut cut.played } else { &mut cut.computed }.push(placed.name.clone());
         }
-        let others = sources.into_iter().filter(|source| !assembly.has(source)).map(str::to_owned);
+        // Other egos have the same stack, but for its names.
+        let of_others = |own: &[String]| -> Vec<String> {
+            let in_stack = |name: &&String| assembly.node(name).is_none_or(|node| node.role != Role::World);
+            let own: Vec<&String> = own.iter().filter(in_stack).collect();
+            pipeline
+                .others
+                .iter()
+                .flat_map(|other| own.iter().map(|name| other.names.operator(name)))
+                .collect()
+        };
+        let (played, computed) = (of_others(&cut.played), of_others(&cut.computed));
+        cut.without_data.extend(of_others(&cut.without_data));
+        cut.played.extend(played);
+        cut.computed.extend(computed);
+        let others: Vec<String> = sources
+            .into_iter()
+            .filter(|source| !cut.played.iter().any(|played| played == source))
+            .map(str::to_owned)
+            .collect();
         cut.played.extend(others);
         Ok(cut)
     }

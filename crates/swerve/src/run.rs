@@ -12,7 +12,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
 use swerve_drive::{
-    Outcome, Recording, RunInput, conclude, drive_pipeline, load, note_idle, operators_with_runtime,
+    OfEgo, Outcome, Recording, RunInput, conclude, drive_pipeline, load, note_idle, operators_with_runtime,
     record_run_times, run_start, set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer};
@@ -123,10 +123,13 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut report = RunReport::new(&config, &pipeline, command);
-    let mut observers: Vec<&mut dyn Observer> =
-        vec![&mut progress, &mut recording, &mut trace, &mut story, &mut report];
+    // Pictures and page are of the first ego.
+    let pictured: [&mut dyn Observer; 2] = [&mut story, &mut report];
+    let pictured = pictured.into_iter().chain(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let mut pictured: Vec<_> = pictured.map(|observer| OfEgo::new(&pipeline.names, observer)).collect();
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut progress, &mut recording, &mut trace];
+    observers.extend(pictured.iter_mut().map(|pictured| pictured as &mut dyn Observer));
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
-    observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = Processes::start_all(&config, &mut pipeline)?;

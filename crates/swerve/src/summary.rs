@@ -1,5 +1,7 @@
 //! Summary of a run: `metrics.json`, and the text in the terminal.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
@@ -61,6 +63,9 @@ pub struct Summary {
     rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
+    /// Metrics of the other egos, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    egos: BTreeMap<String, Metrics>,
     /// Causal chain of the actor that decided the verdict, or the event that did if no actor did; null without a log.
     why: Option<Why>,
     /// Current name of an expected verdict that was renamed.
@@ -93,6 +98,7 @@ impl Summary {
             rungs: outcome.rungs.counts(),
             rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
+            egos: outcome.others.iter().map(|other| (other.ego.clone(), other.metrics.clone())).collect(),
             why,
             renamed: expected.and_then(|e| e.renamed(outcome.metrics.verdict)),
         }
@@ -135,18 +141,7 @@ impl Summary {
         use std::fmt::Write as _;
         let m = &self.metrics;
         let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
-        let verdict = m.verdict.name().to_uppercase();
-        let _ = match m.impact {
-            Some(i) => writeln!(
-                text,
-                "{verdict} at {:.2} s with {}: ego at {:.1} m/s, closing at {:.1} m/s",
-                i.at_s,
-                m.impact_name.as_deref().unwrap_or_default(),
-                i.ego_speed_mps,
-                i.closing_speed_mps
-            ),
-            None => writeln!(text, "{verdict}"),
-        };
+        text += &(outcome(m) + "\n");
         let mut row = |name: &str, value: String| {
             let _ = writeln!(text, "  {name:<20}{value}");
         };
@@ -187,6 +182,9 @@ impl Summary {
         if let Some(why) = &self.adapter_lost {
             row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));
         }
+        for (ego, metrics) in &self.egos {
+            let _ = writeln!(text, "  {:<20}{}", format!("ego {ego}"), outcome(metrics));
+        }
         text += &operators(&m.operators);
         text += &self.why.as_ref().map_or_else(String::new, Why::text);
         text += &self.rungs_text;
@@ -210,6 +208,21 @@ impl Summary {
         }
         text += &self.renamed.as_ref().map_or_else(String::new, |renamed| format!("{renamed}\n"));
         text
+    }
+}
+
+/// Verdict of a drive, with the impact if there was one.
+fn outcome(m: &Metrics) -> String {
+    let verdict = m.verdict.name().to_uppercase();
+    match m.impact {
+        Some(i) => format!(
+            "{verdict} at {:.2} s with {}: ego at {:.1} m/s, closing at {:.1} m/s",
+            i.at_s,
+            m.impact_name.as_deref().unwrap_or_default(),
+            i.ego_speed_mps,
+            i.closing_speed_mps
+        ),
+        None => verdict,
     }
 }
 

@@ -23,6 +23,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{COMMAND, RunReport};
+use crate::ego::{EgoRun, of_ego};
 use crate::load::problems_error;
 use crate::logged_scenario;
 use crate::shipped::Kind;
@@ -86,21 +87,26 @@ impl LogSoFar {
     }
 }
 
-/// Creates the page of a run from its log and, if it exists beside the log and belongs to the same run, `metrics.json`.
+/// Creates the page of a run, of the named or the first ego, from its log and, if it exists beside the log and belongs to the same run, `metrics.json`.
 /// An incomplete log gives a partial page.
 ///
 /// # Errors
 /// If the log cannot be read at all, or its configuration cannot be read by this version.
-pub fn page_of_log(registry: &Registry, path: &Path) -> anyhow::Result<Page<RunPage>> {
-    page_of(registry, &LogSoFar::read(path, |_| true)?)
+pub fn page_of_log(registry: &Registry, path: &Path, ego: Option<&str>) -> anyhow::Result<Page<RunPage>> {
+    page_of(registry, &LogSoFar::read(path, |_| true)?, ego)
 }
 
 /// Same as [`page_of_log`], for a log in memory.
-fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPage>> {
+fn page_of(registry: &Registry, so_far: &LogSoFar, ego: Option<&str>) -> anyhow::Result<Page<RunPage>> {
     let LogSoFar { log, path, damage } = so_far;
     let document = Config::logged(&log.start.config)?;
     let config = Setup::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
     let scenario = logged_scenario(&log.start)?;
+    let own = of_ego(log, &config, &scenario, ego)?;
+    let (log, config, scenario) = match &own {
+        Some(EgoRun { log, setup, scenario }) => (log, setup.clone(), scenario.clone()),
+        None => (log, config, scenario),
+    };
     let mut report = RunReport::of_config(&config, &scenario, String::new());
     report.page.command = command_of_log(log, &config, &scenario);
     if config.live.is_some() {
@@ -117,7 +123,7 @@ fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPag
     }
     report.page.notes.extend(damage.iter().map(|damage| format!("The log is not complete: {damage}")));
     let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
-    let metrics = metrics_beside(path, &digest).unwrap_or_else(|why| {
+    let metrics = metrics_beside(path, &digest, &scenario.ego_name).unwrap_or_else(|why| {
         report.page.notes.push(format!("{why}: verdict and metrics are not shown."));
         "null".to_owned()
     });
@@ -137,8 +143,8 @@ fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
     })
 }
 
-/// Content of `metrics.json` beside a log, if it belongs to the same run; otherwise the reason why not.
-fn metrics_beside(log: &Path, digest: &str) -> Result<String, String> {
+/// Content of `metrics.json` beside a log for an ego, if it belongs to the same run; otherwise the reason why not.
+fn metrics_beside(log: &Path, digest: &str, ego: &str) -> Result<String, String> {
     let path = log.with_file_name("metrics.json");
     let broken = |why: String| format!("{} is broken ({why})", path.display());
     let text = match swerve_text::read_string(&path, FILE_MAX) {
@@ -151,7 +157,7 @@ fn metrics_beside(log: &Path, digest: &str) -> Result<String, String> {
         serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     let of = metrics.get("digest").and_then(serde_json::Value::as_str);
     match of.ok_or_else(|| broken("expected the digest of a run in it".to_owned()))? == digest {
-        true => Ok(text),
+        true => Ok(metrics.get("egos").and_then(|egos| egos.get(ego)).map_or(text, ToString::to_string)),
         false => Err(of_another()),
     }
 }
@@ -257,7 +263,7 @@ pub fn pair_of_logs(
     b: &LogSoFar,
 ) -> anyhow::Result<Page<Pair<Page<RunPage>, Vec<Parting>>>> {
     let parting = partings(&a.log, &b.log);
-    let (a, b) = (page_of(registry, a)?, page_of(registry, b)?);
+    let (a, b) = (page_of(registry, a, None)?, page_of(registry, b, None)?);
     let title = format!("{} | {}", a.title, b.title);
     Ok(Page::new("runs", title, Pair { a, b, parting }))
 }
@@ -309,7 +315,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let read = |text: &[u8]| {
             std::fs::write(folder.path().join("metrics.json"), text).unwrap();
-            metrics_beside(&folder.path().join("log.mcap"), "12")
+            metrics_beside(&folder.path().join("log.mcap"), "12", "ego")
         };
         let whole = "{\"digest\": \"12\"}";
         assert_eq!(read(whole.as_bytes()).as_deref(), Ok(whole));
@@ -324,7 +330,7 @@ mod tests {
         }
         assert!(read(b"{\"digest\": \"13\"}").unwrap_err().starts_with("No metrics.json of this run"));
         std::fs::remove_file(folder.path().join("metrics.json")).unwrap();
-        let missing = metrics_beside(&folder.path().join("log.mcap"), "12");
+        let missing = metrics_beside(&folder.path().join("log.mcap"), "12", "ego");
         assert!(missing.unwrap_err().starts_with("No metrics.json of this run"));
     }
 }

@@ -29,7 +29,10 @@ pub(super) struct Setting<'a> {
     pub(super) map: Option<&'a Loaded>,
 }
 
-pub(super) fn read(table: &TableReader<'_>, Setting { id, name, ego, names, on_map, map }: Setting<'_>) -> Actor {
+pub(super) fn read(
+    table: &TableReader<'_>,
+    Setting { id, name, ego, names, on_map, map }: Setting<'_>,
+) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
@@ -99,7 +102,9 @@ fn trigger(table: &TableReader<'_>, ego: &str, names: &[String]) -> Option<Trigg
                 within_m: inner.number("within_m", WAY),
             },
             "time" => Trigger::Time { at_s: inner.number("at_s", Range::between(0.0, 86_400.0)) },
-            _ => Trigger::Reaches { who: subject(&inner, "who", ego, names), s_m: inner.number("s_m", PLACE) },
+            _ => {
+                Trigger::Reaches { who: subject(&inner, "who", ego, names), s_m: inner.number("s_m", PLACE) }
+            }
         };
         inner.finish();
         Some(trigger)

@@ -7,17 +7,8 @@ use super::{ANGLE, PLACE, SPEED};
 use crate::EgoStart;
 
 /// Keys of the table of an ego.
-const KEYS: [&str; 9] = [
-    "s_m",
-    "d_m",
-    "heading_rad",
-    "target_speed_mps",
-    "start_speed_mps",
-    "end_m",
-    "start",
-    "via",
-    "goal",
-];
+const KEYS: [&str; 9] =
+    ["s_m", "d_m", "heading_rad", "target_speed_mps", "start_speed_mps", "end_m", "start", "via", "goal"];
 
 /// Largest number of egos: each has a stack of its own.
 const EGOS_MAX: usize = 64;
@@ -34,7 +25,8 @@ pub(super) struct EgoTable<'r> {
 /// Tables of all egos, in the order of the text; empty after a problem.
 pub(super) fn tables<'r>(top: &TableReader<'r>) -> Vec<EgoTable<'r>> {
     let is_named = |(key, value): (&String, &Value)| value.is_table() && !KEYS.contains(&key.as_str());
-    let has_names = top.value("ego").and_then(Value::as_table).is_some_and(|table| table.iter().any(is_named));
+    let has_names =
+        top.value("ego").and_then(Value::as_table).is_some_and(|table| table.iter().any(is_named));
     let Some(table) = top.table("ego") else { return Vec::new() };
     if !has_names {
         return vec![EgoTable { name: EGO.to_owned(), table }];

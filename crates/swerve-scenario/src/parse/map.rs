@@ -203,8 +203,7 @@ impl Loaded {
     pub(super) fn ego(&self, top: &TableReader<'_>, table: &TableReader<'_>) -> Option<(EgoStart, Road)> {
         let course = self.course(table, true)?;
         let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
-        let target_mps =
-            table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
+        let target_mps = table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
         if target_mps.is_none() {
             table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
         }

@@ -29,8 +29,7 @@ fn views(sim: &mut Simulator, speeds_mps: [f64; 2]) -> Vec<[WorldState; 2]> {
             return states;
         }
         let [rear, leader] = states.last().unwrap();
-        let commands =
-            [(ActorId::EGO, keep(rear, speeds_mps[0])), (LEADER, keep(leader, speeds_mps[1]))];
+        let commands = [(ActorId::EGO, keep(rear, speeds_mps[0])), (LEADER, keep(leader, speeds_mps[1]))];
         let until = rear.stamp + sim.params().dt;
         sim.advance(until, &commands);
     }
@@ -64,7 +63,9 @@ fn each_ego_sees_the_other_as_a_car_and_reaches_its_own_goal() {
 fn collision_of_two_egos_is_one_of_both() {
     let mut sim = exact(&convoy(), 200);
     let states = views(&mut sim, [12.0, 0.0]);
-    let hits = |k: usize| -> Vec<Collision> { states.iter().flat_map(|views| views[k].collisions.clone()).collect() };
+    let hits = |k: usize| -> Vec<Collision> {
+        states.iter().flat_map(|views| views[k].collisions.clone()).collect()
+    };
     let ([rear], [leader]) = (&hits(0)[..], &hits(1)[..]) else { panic!("one collision") };
     assert_eq!((rear.parties, leader.parties), ([ActorId::EGO, LEADER], [LEADER, ActorId::EGO]));
     assert_eq!(rear.speeds_mps, [leader.speeds_mps[1], leader.speeds_mps[0]]);

@@ -129,7 +129,7 @@ fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut story, &mut recording]).unwrap();
     recording.finish().unwrap();
     // With its causal chain, as `swerve run` draws it.
-    let why = Logged::read(&path, &swerve_stack::Registry::standard()).unwrap().why(&outcome.metrics);
+    let why = Logged::read(&path, &swerve_stack::Registry::standard(), None).unwrap().why(&outcome.metrics);
     story.conclude(&outcome.metrics, Some(&why.unwrap()));
     let svg = swerve_report::story::draw(&story).svg();
     (story, svg)

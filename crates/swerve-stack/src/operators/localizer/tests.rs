@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use swerve_core::{Rng, Span};
 use swerve_geom::{Point, Point2, Polyline, Transform, Vector};
-use swerve_msg::Route;
 use swerve_msg::truth::{EgoTruth, WorldState};
+use swerve_msg::{ActorId, Route};
 use swerve_sim::sense::{
     GnssParams, GnssReceiver, ImuParams, InertialUnit, WheelOdometer, WheelOdometryParams, Zone,
     rolling_speeds_radps,

@@ -7,8 +7,8 @@ use swerve_lidar::{Cloud, Firing, LidarSpec, SceneTree, Sweeper};
 use swerve_localization::map_file::MapFile;
 use swerve_localization::ndt::Vector3;
 use swerve_localization::voxels::VoxelSums;
-use swerve_msg::EgoState;
 use swerve_msg::truth::{EgoTruth, WorldState};
+use swerve_msg::{ActorId, EgoState};
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
