@@ -95,6 +95,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/maps/parked_truck.toml"
     "scenarios/maps/right_before_left.toml"
     "scenarios/maps/roundabout.toml"
+    "scenarios/maps/two_egos.toml"
     "scenarios/maps/crossing.xodr"
     "scenarios/maps/crossing_priority.xodr"
     "scenarios/maps/crossing_right_first.xodr"

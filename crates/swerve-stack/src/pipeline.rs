@@ -143,6 +143,8 @@ impl Pipeline {
     /// # Errors
     /// As [`build`](Self::build).
     pub fn build_for(setup: &Setup, scenario: &Scenario, agent: &Agent) -> anyhow::Result<Self> {
+        let egos = scenario.egos().len();
+        anyhow::ensure!(egos == 1, "an external agent drives one ego: the scenario has {egos}");
         Self::build(&agent.placed_in(setup)?, scenario)
     }
 

@@ -433,3 +433,73 @@ fn overlap_in_a_large_crowd_is_found() {
     assert_eq!(twin.len(), 1, "{found}");
     assert_eq!(twin[0].message, "starts inside the actor \"p4200\"");
 }
+
+#[test]
+fn several_egos_have_identities_after_the_actors_and_views_of_their_own() {
+    let text = "name = \"x\"\n[road]\nsegments = [{ length_m = 200.0 }]\nleft_m = 6.0\n\
+                [ego.zulu]\ntarget_speed_mps = 10.0\nend_m = 150.0\n\
+                [ego.alpha]\ns_m = 30.0\nd_m = 4.0\ntarget_speed_mps = 8.0\nend_m = 100.0\n\
+                [[actor]]\nname = \"person\"\nkind = \"pedestrian\"\ns_m = 60.0\nd_m = 5.0\n\
+                trigger = { distance = { to = \"alpha\", within_m = 12.0 } }\n\
+                motion = [{ walk = { speed_mps = 1.0, distance_m = 2.0, direction = \"left\" } }]\n";
+    let scenario = Scenario::parse("x.toml", text).unwrap();
+    let [zulu, alpha] = [ActorId::EGO, ActorId(2)];
+    assert_eq!(scenario.egos(), [(zulu, "zulu"), (alpha, "alpha")], "in the order of the text");
+    assert_eq!(
+        scenario.actors[0].trigger,
+        Some(Trigger::Distance { to: Subject::Actor(alpha), within_m: 12.0 })
+    );
+    let view = scenario.of_ego(alpha).unwrap();
+    assert_eq!((view.ego_id, &*view.ego_name, view.ego.s_m, view.ego.end_m), (alpha, "alpha", 30.0, 100.0));
+    assert_eq!(view.actors[0].trigger, Some(Trigger::Distance { to: Subject::Ego, within_m: 12.0 }));
+    assert_eq!(view.egos(), scenario.egos());
+    assert_eq!(view.of_ego(zulu).unwrap().ego, scenario.ego);
+    assert_eq!(scenario.of_ego(ActorId(1)), None);
+    assert_eq!(view.names().into_values().collect::<Vec<_>>(), ["zulu", "person"]);
+    let alone = view.alone(&swerve_vehicle::Shape::default());
+    assert_eq!(alone.actors.iter().map(|actor| actor.id.0).collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(alone.egos(), [(alpha, "alpha")]);
+    let drawn = scenario.drawn(5);
+    let moved = |a: f64, b: f64| (a - b).abs() > 1e-6;
+    assert!(moved(drawn.ego.s_m, 0.0) && moved(drawn.other_egos[0].start.s_m, 30.0));
+    assert!(moved(drawn.ego.s_m, drawn.other_egos[0].start.s_m - 30.0), "each has its own draws");
+}
+
+#[test]
+fn problems_of_several_egos_name_the_ego() {
+    let with = |egos: &str| {
+        let text = format!("name = \"x\"\n[road]\nsegments = [{{ length_m = 200.0 }}]\n{egos}");
+        let problems = Scenario::parse("x.toml", &text).unwrap_err();
+        problems.iter().map(|p| format!("{}: {}", p.key, p.message)).collect::<Vec<_>>()
+    };
+    let first = "[ego.a]\ntarget_speed_mps = 10.0\nend_m = 150.0\n";
+    for (second, told) in [
+        (
+            "[ego.b]\ns_m = 2.0\ntarget_speed_mps = 10.0\nend_m = 150.0\n",
+            "ego.b: starts inside the ego \"a\"",
+        ),
+        (
+            "[ego.b]\ns_m = 50.0\ntarget_speed_mps = 10.0\nend_m = 20.0\n",
+            "ego.b.end_m: the goal at 20 m is not ahead",
+        ),
+        ("[ego.b]\ns_m = 50.0\nd_m = 9.0\ntarget_speed_mps = 10.0\nend_m = 150.0\n", "ego.b: the ego starts"),
+        ("[ego.b]\ns_m = 50.0\nend_m = 150.0\n", "ego.b.target_speed_mps: is missing"),
+        (
+            "[ego.\"b c\"]\ns_m = 50.0\ntarget_speed_mps = 10.0\nend_m = 150.0\n",
+            "ego.b c: expected a table of an ego",
+        ),
+        ("[ego]\ntarget_speed_mps = 10.0\n", "ego.target_speed_mps: expected a table of an ego"),
+        (
+            "[[actor]]\nname = \"a\"\nkind = \"car\"\ns_m = 50.0\nd_m = 0.0\n",
+            "actor.a.name: an ego is named \"a\" already",
+        ),
+    ] {
+        let problems = match second.strip_prefix("[ego]\n") {
+            Some(keys) => with(&format!("[ego]\n{keys}{first}")),
+            None => with(&format!("{first}{second}")),
+        };
+        assert!(problems.iter().any(|problem| problem.starts_with(told)), "{told}: {problems:#?}");
+    }
+    let many: String = (0..65).map(|k| first.replace(".a]", &format!(".e{k}]"))).collect();
+    assert!(with(&many)[0].starts_with("ego: expected at most 64 egos, found 65"));
+}
