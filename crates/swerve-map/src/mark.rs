@@ -195,6 +195,13 @@ impl LaneMarks {
         marks[..marks.partition_point(|mark| mark.from_m <= s_m)].last()
     }
 
+    /// Returns true if traffic of the lane may cross a border somewhere at or after arc length `s_m`.
+    pub fn may_cross_after(&self, side: Side, s_m: f64) -> bool {
+        let marks = self.of(side);
+        let here = marks.partition_point(|mark| mark.from_m <= s_m);
+        here == 0 || marks[here - 1..].iter().any(Mark::may_be_crossed)
+    }
+
     /// Returns true if nothing is known.
     pub fn is_unknown(&self) -> bool {
         self.left.is_empty() && self.right.is_empty()

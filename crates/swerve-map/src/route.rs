@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, PolylineError};
 
 use crate::router::Way;
-use crate::{Border, Borders, Lane, LaneId, Map, Neighbour, Signal};
+use crate::{Border, Borders, Lane, LaneId, Map, Neighbour, Side, Signal, Station};
 
 mod over;
 
@@ -25,6 +25,8 @@ pub struct Route {
     borders: Borders,
     /// Borders of its lanes; `None` if all of the ground is one lane.
     lane: Option<Borders>,
+    /// Borders of the ground without crossing lines that must not be crossed; `None` if that is all of the ground.
+    between_lines: Option<Borders>,
     /// Lanes in order; empty without a map.
     stretches: Vec<Stretch>,
 }
@@ -67,7 +69,7 @@ pub enum RouteError {
 impl Route {
     /// Creates a route along `line` between `borders`, without a map.
     pub const fn new(line: Polyline, borders: Borders) -> Self {
-        Self { line, borders, lane: None, stretches: Vec::new() }
+        Self { line, borders, lane: None, between_lines: None, stretches: Vec::new() }
     }
 
     /// The same route in a lane with these borders: drivable ground beyond them is not in the ego's lane.
@@ -116,13 +118,22 @@ impl Route {
     #[must_use]
     pub fn narrowed(&self, by_m: f64) -> Self {
         let less = Border::constant(-by_m);
-        self.within(Borders::new(self.borders.left().plus(&less), self.borders.right().plus(&less)))
+        let narrowed =
+            |borders: &Borders| Borders::new(borders.left().plus(&less), borders.right().plus(&less));
+        let between_lines = self.between_lines.as_ref().map(narrowed);
+        Self { between_lines, ..self.within(narrowed(&self.borders)) }
     }
 
-    /// The same route with other borders of the ground.
+    /// The same route with other borders of the ground, all of which may be used.
     #[must_use]
     pub fn within(&self, borders: Borders) -> Self {
-        Self { borders, ..self.clone() }
+        Self { borders, between_lines: None, ..self.clone() }
+    }
+
+    /// The part of the ground that the ego's lane reaches without crossing a line that must not be crossed; `None` if it
+    /// reaches all of the ground. Unknown lines may be crossed, and there are none in junctions.
+    pub fn between_lines(&self) -> Option<&Borders> {
+        self.between_lines.as_ref()
     }
 
     /// Centre line of its lanes.
@@ -235,19 +246,42 @@ struct Parts {
     stretches: Vec<Stretch>,
     ground: [Vec<(f64, Border)>; 2],
     own: [Vec<(f64, Border)>; 2],
+    between_lines: [Vec<(f64, Border)>; 2],
+    /// True if the ground between lines differs from the ground.
+    has_lines: bool,
+}
+
+/// Borders of a part of a route.
+struct Beside<'a> {
+    /// Of the drivable ground.
+    ground: &'a Borders,
+    /// Of the ground between lines; `None` if that is all of the ground.
+    between_lines: Option<&'a Borders>,
+    /// Of the ego's lane.
+    own: &'a Borders,
 }
 
 impl Parts {
     fn starting_with(first: &Lane) -> Self {
         let points = vec![first.line.points()[0]];
         let none = || [Vec::new(), Vec::new()];
-        Self { points, length_m: 0.0, stretches: Vec::new(), ground: none(), own: none() }
+        Self {
+            points,
+            length_m: 0.0,
+            stretches: Vec::new(),
+            ground: none(),
+            own: none(),
+            between_lines: none(),
+            has_lines: false,
+        }
     }
 
     /// Adds a whole lane. At joints, the end of the part before replaces the start of the lane.
     fn add_lane(&mut self, map: &Map, lane: &Lane) {
         self.stretch(map, lane, 0.0);
-        self.add(&lane.line.points()[1..], lane.line.length(), &drivable(map, lane), &lane.borders);
+        let (ground, between_lines) = (drivable(map, lane), between_lines(map, lane));
+        let beside = Beside { ground: &ground, between_lines: between_lines.as_ref(), own: &lane.borders };
+        self.add(&lane.line.points()[1..], lane.line.length(), &beside);
     }
 
     /// Begins a stretch on `lane` at `ahead_m` into the next part.
@@ -258,9 +292,14 @@ impl Parts {
     }
 
     /// Adds a part with borders relative to its own start.
-    fn add(&mut self, points: &[Point2], length_m: f64, ground: &Borders, own: &Borders) {
+    fn add(&mut self, points: &[Point2], length_m: f64, beside: &Beside<'_>) {
+        let Beside { ground, between_lines, own } = *beside;
         self.points.extend(points);
-        for (parts, borders) in [(&mut self.ground, ground), (&mut self.own, own)] {
+        self.has_lines |= between_lines.is_some();
+        let between_lines = between_lines.unwrap_or(ground);
+        for (parts, borders) in
+            [(&mut self.ground, ground), (&mut self.own, own), (&mut self.between_lines, between_lines)]
+        {
             parts[0].push((self.length_m, borders.left().along(self.length_m, 1.0)));
             parts[1].push((self.length_m, borders.right().along(self.length_m, 1.0)));
         }
@@ -272,34 +311,89 @@ impl Parts {
             Borders::new(Border::joined(&left, self.length_m), Border::joined(&right, self.length_m))
         };
         let (borders, lane) = (joined(self.ground), Some(joined(self.own)));
-        Ok(Route { line: Polyline::new(&self.points)?, borders, lane, stretches: self.stretches })
+        let between_lines = self.has_lines.then(|| joined(self.between_lines));
+        Ok(Route {
+            line: Polyline::new(&self.points)?,
+            borders,
+            lane,
+            between_lines,
+            stretches: self.stretches,
+        })
     }
+}
+
+/// A drivable lane on the way outwards from another one.
+struct Outer<'m> {
+    /// The lane before it on that way, and the side of it that is crossed.
+    from: &'m Lane,
+    side: Side,
+    lane: &'m Lane,
+    /// True for lanes of the opposite direction: the lane before it, and this one.
+    turned: [bool; 2],
+}
+
+/// Drivable lanes to one side of a lane, the nearest first.
+fn outwards<'m>(map: &'m Map, lane: &'m Lane, to_left: bool) -> Vec<Outer<'m>> {
+    let mut found = Vec::new();
+    // In a lane of the opposite direction, outwards is on the other side.
+    let (mut from, mut left) = (lane, to_left);
+    for _ in 0..map.lanes().len() {
+        let beside = if left { from.left } else { from.right };
+        let Some(Neighbour { lane: id, opposite }) = beside else { break };
+        let Some(next) = map.lane(id).filter(|next| next.kind.is_drivable()) else { break };
+        let side = if left { Side::Left } else { Side::Right };
+        let before = left != to_left;
+        left ^= opposite;
+        found.push(Outer { from, side, lane: next, turned: [before, left != to_left] });
+        from = next;
+    }
+    found
 }
 
 /// Borders of the drivable ground beside a lane: the outer borders of its drivable neighbours.
 fn drivable(map: &Map, lane: &Lane) -> Borders {
     let side = |own: &Border, to_left: bool| {
-        let mut border = own.clone();
-        // Walks outwards lane by lane; in a lane of the opposite direction, outwards is on the other side.
-        let (mut from, mut left) = (lane, to_left);
-        for _ in 0..map.lanes().len() {
-            let beside = if left { from.left } else { from.right };
-            let Some(Neighbour { lane: id, opposite }) = beside else { break };
-            let Some(next) = map.lane(id).filter(|next| next.kind.is_drivable()) else { break };
-            left ^= opposite;
+        outwards(map, lane, to_left).iter().fold(own.clone(), |border, Outer { lane: next, turned, .. }| {
             let width = next.borders.left().plus(next.borders.right());
             let scale = lane.line.length() / next.line.length();
-            let turned = left != to_left;
-            border = border.plus(&if turned {
-                width.along(lane.line.length(), -scale)
-            } else {
-                width.along(0.0, scale)
-            });
-            from = next;
-        }
-        border
+            border.plus(&match turned[1] {
+                true => width.along(lane.line.length(), -scale),
+                false => width.along(0.0, scale),
+            })
+        })
     };
     Borders::new(side(lane.borders.left(), true), side(lane.borders.right(), false))
+}
+
+/// Distance of stations where the ground between lines is sampled, metres.
+const LINES_SAMPLE_M: f64 = 1.0;
+
+/// Borders of the ground beside a lane up to the first lines that must not be crossed; `None` if that is all of the
+/// drivable ground.
+fn between_lines(map: &Map, lane: &Lane) -> Option<Borders> {
+    let length_m = lane.line.length();
+    let count = (length_m / LINES_SAMPLE_M).ceil().max(1.0) as usize;
+    let mut is_limited = false;
+    let mut side = |own: &Border, to_left: bool| {
+        let outwards = outwards(map, lane, to_left);
+        let station = |k: usize| {
+            let share = k as f64 / count as f64;
+            let place = |lane: &Lane, turned| lane.line.length() * if turned { 1.0 - share } else { share };
+            let mut distance_m = own.at(share * length_m);
+            for Outer { from, side, lane: next, turned } in &outwards {
+                if !from.may_cross(*side, place(from, turned[0])) {
+                    is_limited = true;
+                    break;
+                }
+                distance_m += next.width_m(place(next, turned[1]));
+            }
+            Station { s_m: share * length_m, distance_m }
+        };
+        let stations: Vec<Station> = (0..=count).map(station).collect();
+        Border::linear(&stations).unwrap_or_else(|_| own.clone())
+    };
+    let borders = Borders::new(side(lane.borders.left(), true), side(lane.borders.right(), false));
+    is_limited.then_some(borders)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Router: the cheapest way over lanes from a place to another.
 //!
 //! A* over driving lanes: the cost is the length of the way, with [`CHANGE_M`] for each change to a lane beside it of
-//! the same direction; the estimate is the distance to the destination. Of equal costs, the lane with the smaller
+//! the same direction, nowhere over a line that must not be crossed; the estimate is the distance to the destination. Of equal costs, the lane with the smaller
 //! identity is taken first, so that the way is the same on every machine. Lanes too tight for a car are taken only where
 //! nothing else leads to the destination.
 //!
@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Point2, angle_between};
 
-use crate::{Lane, LaneId, LaneKind, Map};
+use crate::{Lane, LaneId, LaneKind, Map, Side};
 
 /// Cost of a lane change, metres of way.
 pub const CHANGE_M: f64 = 20.0;
@@ -215,8 +215,13 @@ impl Search<'_> {
         for &next in through {
             self.offer((next, false), at.cost_m + length_m - at.entry_m, 0.0, (Some(node), Step::Follow));
         }
-        for (beside, step) in [(lane.left, Step::ChangeLeft), (lane.right, Step::ChangeRight)] {
+        for (beside, step, side) in
+            [(lane.left, Step::ChangeLeft, Side::Left), (lane.right, Step::ChangeRight, Side::Right)]
+        {
             let Some(other) = beside.filter(|beside| !beside.opposite) else { continue };
+            if !lane.marks.may_cross_after(side, at.entry_m) {
+                continue;
+            }
             let other_m = self.map.lane(other.lane).map_or(0.0, |other| other.line.length());
             let entry_m = at.entry_m * (other_m / length_m);
             self.offer((other.lane, node.1), at.cost_m + CHANGE_M, entry_m, (Some(node), step));

@@ -15,7 +15,8 @@ pub struct Decision {
     pub stamp: Time,
     /// Sequence number of the route.
     pub route: u64,
-    /// Borders of the ground to use beside the route's line; `None` for those of the route.
+    /// Borders of the ground to use beside the route's line; `None` for the route's ground between lines that must not be
+    /// crossed, which plans leave in an emergency only.
     pub corridor: Option<Borders>,
     /// Speeds to keep, ordered by arc length.
     pub limits: Vec<SpeedLimit>,

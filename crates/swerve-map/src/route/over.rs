@@ -2,9 +2,9 @@
 
 use swerve_geom::{FrenetPoint, Point2, Polyline, angle_between};
 
-use super::{Parts, Route, RouteError, drivable};
+use super::{Beside, Parts, Route, RouteError, between_lines, drivable};
 use crate::router::{Step, Way};
-use crate::{Border, Borders, Lane, LaneKind, Map, Station};
+use crate::{Border, Borders, Lane, LaneKind, Map, Side, Station};
 
 /// Length of the move to a lane beside, metres: 4 s at 15 m/s.
 pub const CHANGE_LENGTH_M: f64 = 60.0;
@@ -141,7 +141,7 @@ fn run<'m>(map: &'m Map, rows: &[Row<'m>], across: i32) -> Vec<[&'m Lane; 2]> {
 /// Adds the move from lane to lane, which begins at least `from_m` metres into the run.
 fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> Result<(), RouteError> {
     let length_m: f64 = run.iter().map(|[from, _]| from.line.length()).sum();
-    let begin_m = from_m.min(0.5 * length_m);
+    let begin_m = crossable_m(run, from_m.min(0.5 * length_m), length_m);
     let over_m = CHANGE_LENGTH_M.min(length_m - begin_m);
     let mut row_m = 0.0;
     for &[from, to] in run {
@@ -157,6 +157,11 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
         let grounds = [from, to].map(|lane| drivable(map, lane));
         let ground = around(&points, &samples, [&grounds[0], &grounds[1]], true);
         let own = around(&points, &samples, [&from.borders, &to.borders], false);
+        let [lines, other] = [from, to].map(|lane| between_lines(map, lane));
+        let between_lines = (lines.is_some() || other.is_some()).then(|| {
+            let lines = [lines.as_ref().unwrap_or(&grounds[0]), other.as_ref().unwrap_or(&grounds[1])];
+            around(&points, &samples, lines, true)
+        });
         let leaves = samples.iter().position(|x| x.share > 0.5);
         match leaves {
             Some(0) => parts.stretch(map, to, 0.0),
@@ -166,10 +171,41 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
             }
             None => parts.stretch(map, from, 0.0),
         }
-        parts.add(&points[1..], line.length(), &ground, &own);
+        let beside = Beside { ground: &ground, between_lines: between_lines.as_ref(), own: &own };
+        parts.add(&points[1..], line.length(), &beside);
         row_m += row_length_m;
     }
     Ok(())
+}
+
+/// Place from which a move over [`CHANGE_LENGTH_M`] crosses no line that must not be crossed, metres into the run: the
+/// first at or after `from_m`; `from_m` itself if there is none.
+fn crossable_m(run: &[[&Lane; 2]], from_m: f64, length_m: f64) -> f64 {
+    let may_cross = |at_m: f64| {
+        let mut row_m = 0.0;
+        for [from, to] in run {
+            let row_length_m = from.line.length();
+            if at_m <= row_m + row_length_m {
+                let is_left = from.left.is_some_and(|left| left.lane == to.id);
+                return from.may_cross(if is_left { Side::Left } else { Side::Right }, at_m - row_m);
+            }
+            row_m += row_length_m;
+        }
+        true
+    };
+    // The outline is over the line in the middle half of the move.
+    let is_free = |begin_m: f64| {
+        let over_m = CHANGE_LENGTH_M.min(length_m - begin_m);
+        (0..=4).all(|k| may_cross(begin_m + over_m * (0.25 + 0.125 * f64::from(k))))
+    };
+    let mut begin_m = from_m;
+    while begin_m + CHANGE_LENGTH_M <= length_m {
+        if is_free(begin_m) {
+            return begin_m;
+        }
+        begin_m += SAMPLE_M;
+    }
+    from_m
 }
 
 /// Borders around both of two others, each beside its own lane; or, except `always`, around those that the move has not
@@ -228,9 +264,9 @@ fn smooth(u: f64) -> f64 {
 
 /// Adds a whole lane, of which fewer points are kept; in a junction with all ground beside it.
 fn add_lane(map: &Map, parts: &mut Parts, lane: &Lane) {
-    let ground = match map.is_in_junction(lane.id) {
-        true => junction_ground(map, lane),
-        false => drivable(map, lane),
+    let (ground, between_lines) = match map.is_in_junction(lane.id) {
+        true => (junction_ground(map, lane), None),
+        false => (drivable(map, lane), between_lines(map, lane)),
     };
     let points = thinned(lane.line.points());
     let length_m: f64 = points.windows(2).map(|two| two[0].distance(two[1])).sum();
@@ -239,7 +275,13 @@ fn add_lane(map: &Map, parts: &mut Parts, lane: &Lane) {
         Borders::new(side(borders.left()), side(borders.right()))
     };
     parts.stretch(map, lane, 0.0);
-    parts.add(&points[1..], length_m, &scaled(&ground), &scaled(&lane.borders));
+    let between_lines = between_lines.as_ref().map(scaled);
+    let beside = Beside {
+        ground: &scaled(&ground),
+        between_lines: between_lines.as_ref(),
+        own: &scaled(&lane.borders),
+    };
+    parts.add(&points[1..], length_m, &beside);
 }
 
 /// Points of a line without those that are within [`CHORD_M`] of the chords that skip them: maps have many more points

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{LaneKind, Station};
+use crate::{LaneKind, LaneMarks, Mark, MarkKind, Station};
 use swerve_geom::{Pose2, math};
 
 fn border(pairs: &[(f64, f64)]) -> Border {
@@ -166,4 +166,43 @@ fn route_text_has_a_number_for_a_constant_border_and_stations_otherwise() {
     assert_eq!(serde_json::from_str::<Route>(&text).unwrap(), varying);
     let bytes = postcard::to_allocvec(&varying).unwrap();
     assert_eq!(postcard::from_bytes::<Route>(&bytes).unwrap(), varying);
+}
+
+/// The same map with a line to the left of lane 1 that is solid up to 40 m, and a solid line to its shoulder.
+fn lined() -> Map {
+    let marks = |left: Vec<Mark>, right: Vec<Mark>| LaneMarks::new(left, right).unwrap();
+    let lanes = map().lanes().to_vec().into_iter().map(|lane| match lane.id.0 {
+        1 => {
+            let left = vec![Mark::new(0.0, MarkKind::Solid), Mark::new(40.0, MarkKind::BrokenSolid)];
+            Lane { marks: marks(left, vec![Mark::new(0.0, MarkKind::Solid)]), ..lane }
+        }
+        // Seen from the other direction it is solid everywhere.
+        3 => Lane { marks: marks(vec![Mark::new(0.0, MarkKind::Solid)], Vec::new()), ..lane },
+        _ => lane,
+    });
+    Map::new(lanes.collect()).unwrap()
+}
+
+#[test]
+fn ground_between_lines_ends_at_the_first_line_that_must_not_be_crossed() {
+    let along = |map: &Map, lanes: &[u32]| {
+        Route::along(map, &lanes.iter().map(|id| LaneId(*id)).collect::<Vec<_>>()).unwrap()
+    };
+    assert_eq!(along(&map(), &[1, 2]).between_lines(), None, "unknown lines may be crossed");
+    let route = along(&lined(), &[1, 2]);
+    assert_eq!(*route.borders(), *along(&map(), &[1, 2]).borders(), "the ground is the same");
+    let lines = route.between_lines().unwrap();
+    // The oncoming lane is 2 m wide at 0, and 4 m at 100 m.
+    for (s_m, left_m) in [(0.0, 2.0), (39.0, 2.0), (40.0, 4.8), (99.9, 6.0), (150.0, 2.0)] {
+        assert!((lines.left_m(s_m) - left_m).abs() < 0.02, "{s_m}: {}", lines.left_m(s_m));
+        assert!((lines.right_m(s_m) - 2.0).abs() < 1e-9);
+    }
+    let narrowed = route.narrowed(0.5);
+    assert!((narrowed.between_lines().unwrap().left_m(10.0) - 1.5).abs() < 1e-9);
+    assert_eq!(route.within(Borders::constant(1.0, 1.0)).between_lines(), None);
+    let oncoming = along(&lined(), &[3]);
+    let lines = oncoming.between_lines().unwrap();
+    for s_m in [5.0, 50.0, 95.0] {
+        assert!((lines.left_m(s_m) - oncoming.lane().left_m(s_m)).abs() < 1e-9, "{s_m}");
+    }
 }

@@ -188,16 +188,23 @@ impl PlannerOperator {
         })
     }
 
-    /// Route of a decision, with the ground that it leaves; `None` if the route is not known.
-    fn ground(&mut self, decision: &Arc<Decision>, routes: &[Message<Route>]) -> Option<Arc<Route>> {
+    /// Route of a decision with the ground for its plans, and with that for emergencies; `None` if the route is not known.
+    /// In an emergency, the ego may cross lines that must not be crossed.
+    fn ground(&mut self, decision: &Arc<Decision>, routes: &[Message<Route>]) -> Option<[Arc<Route>; 2]> {
         let route = routes.iter().rev().find(|route| route.header().seq == decision.route)?;
-        let Some(corridor) = &decision.corridor else { return Some(route.shared()) };
-        let is_known = |(known, _): &(Arc<Decision>, Arc<Route>)| Arc::ptr_eq(known, decision);
+        let Some(corridor) = decision.corridor.as_ref().or(route.between_lines()) else {
+            return Some([route.shared(), route.shared()]);
+        };
+        let is_known = |(known, _): &(Arc<Decision>, Arc<Route>)| {
+            known.route == decision.route && known.corridor == decision.corridor
+        };
         if !self.memory.corridor.as_ref().is_some_and(is_known) {
             let ground = Arc::new(route.within(corridor.clone()));
             self.memory.corridor = Some((decision.clone(), ground));
         }
-        Some(self.memory.corridor.as_ref()?.1.clone())
+        let ground = self.memory.corridor.as_ref()?.1.clone();
+        let emergency = if decision.corridor.is_some() { ground.clone() } else { route.shared() };
+        Some([ground, emergency])
     }
 
     /// Plans from predictions, a decision on its route, and a measured state.
@@ -205,7 +212,7 @@ impl PlannerOperator {
         &mut self,
         cx: &mut Context<'_>,
         predictions: &PredictionList,
-        (decision, route): (&Decision, &Route),
+        (decision, [route, emergency]): (&Decision, [&Route; 2]),
         measured: &EgoState,
     ) -> Arc<Plan> {
         let ahead = self.ahead.map(|ahead| match ahead {
@@ -272,6 +279,12 @@ impl PlannerOperator {
                     return whole;
                 }
             }
+            if plan.status.is_fallback() && !core::ptr::eq(route, emergency) {
+                let over_lines = plan_once(&Request { route: emergency, ..*request });
+                if !over_lines.status.is_fallback() {
+                    return over_lines;
+                }
+            }
             plan
         };
         let mut plan = plan_for(&request);
@@ -330,10 +343,10 @@ impl Operator for PlannerOperator {
         let measured = measured_at(instant, &input.poses);
         let (Some(predictions), Some(measured)) = (self.memory.predictions.clone(), measured) else { return };
         let Some(decision) = self.memory.decision.clone() else { return };
-        let Some(route) = self.ground(&decision, input.routes.get()) else { return };
+        let Some([route, emergency]) = self.ground(&decision, input.routes.get()) else { return };
         self.memory.trust.take(input.quality.as_ref());
         self.memory.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
-        out.plan.forward(self.plan(cx, &predictions, (&decision, &route), measured));
+        out.plan.forward(self.plan(cx, &predictions, (&decision, [&route, &emergency]), measured));
     }
 }
 

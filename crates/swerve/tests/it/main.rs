@@ -26,6 +26,7 @@ mod ros2; // the simulated car on ROS 2's topics, recorded drives
 mod scarce; // huge names and crowds, few descriptors, no shared memory
 mod sensors; // sensors from a file, their log, their faults
 mod settings; // a drive at either end of every numeric setting
+mod several_egos;
 mod slurm; // the shards of a Slurm array, simulated
 mod soak; // memory and descriptors over a long drive
 mod study; // cells, resuming, shards, failing cells, repeating a cell

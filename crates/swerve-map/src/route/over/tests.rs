@@ -2,7 +2,7 @@ use swerve_geom::{Obb, Pose2};
 
 use super::*;
 use crate::router::{Stop, find};
-use crate::{Features, Junction, JunctionId, LaneId, Neighbour};
+use crate::{Features, Junction, JunctionId, LaneId, LaneMarks, Mark, MarkKind, Neighbour};
 
 fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
     let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
@@ -108,4 +108,29 @@ fn ground_of_a_junction_is_that_of_all_lanes_without_a_gap() {
         assert_eq!((route.lane().left_m(s_m), route.lane().right_m(s_m)), (1.75, 1.75));
     }
     assert!(route.margin_m(&Obb::new(Pose2::new(10.0, 6.0, 0.0), 3.0, 3.0)) > 0.0);
+}
+
+#[test]
+fn change_crosses_where_the_line_is_broken() {
+    let lined = |solid_rows: &[usize]| {
+        let lanes = motorway().lanes().to_vec().into_iter().enumerate().map(|(k, lane)| {
+            let kind = if solid_rows.contains(&(k / 2)) { MarkKind::Solid } else { MarkKind::Broken };
+            // The right lanes have odd identities.
+            let left = if k % 2 == 1 { vec![Mark::new(0.0, kind)] } else { Vec::new() };
+            Lane { marks: LaneMarks::new(left, Vec::new()).unwrap(), ..lane }
+        });
+        Map::new(lanes.collect()).unwrap()
+    };
+    let middle_m = |map: &Map| {
+        let (route, _) = over(map, (1, 10.0), (6, 50.0), 0.0);
+        (0..200).find(|x| route.line().at(f64::from(*x)).pose.y_m > 1.75).map(f64::from)
+    };
+    assert!(middle_m(&lined(&[])).is_some_and(|x| (44.0..48.0).contains(&x)), "{:?}", middle_m(&lined(&[])));
+    // Over the line from 40 m on.
+    let late_m = middle_m(&lined(&[0])).unwrap();
+    assert!(late_m >= 40.0 + 15.0, "{late_m}");
+    // No way crosses a line that is solid everywhere.
+    let stop = |lane, s_m| Stop { lane: LaneId(lane), s_m };
+    assert_eq!(find(&lined(&[0, 1, 2]), stop(1, 10.0), stop(6, 50.0), &[]), None);
+    assert_eq!(find(&lined(&[1, 2]), stop(3, 10.0), stop(6, 50.0), &[]), None);
 }
