@@ -1,5 +1,6 @@
 //! The controller: selects path, target speed and control law.
 
+mod gentle;
 mod params;
 mod reckoning;
 mod stop;
@@ -17,9 +18,10 @@ use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Stop, Target};
 use crate::{AccelToPedals, Pedals, pid};
+use gentle::Rise;
 use reckoning::Reckoning;
 
-pub use params::{AlongParams, Following, Law, Params, StopParams};
+pub use params::{AlongParams, ComfortAccelParams, Following, Law, Params, StopParams};
 
 /// Input of one control step.
 #[derive(Clone, Copy, Debug)]
@@ -114,6 +116,7 @@ pub struct LawController {
     /// Steering angle of the last command.
     steering_rad: f64,
     accel_mps2: f64,
+    rise: Rise,
     mpc: Option<Predictive>,
     /// Tracker of the ego's place along the route, with its arc length, metres.
     place: LineTracker,
@@ -152,6 +155,7 @@ impl LawController {
             before: None,
             steering_rad: 0.0,
             accel_mps2: 0.0,
+            rise: Rise::default(),
             place: LineTracker::default(),
             route_m: 0.0,
         }
@@ -257,10 +261,11 @@ impl LawController {
         (steering, Drive { pedals, speed_mps: target_mps, accel_mps2: None })
     }
 
-    fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Drive) {
+    fn step_tracker(&mut self, input: &Input<'_>, here: &Here, status: Status, dt_s: f64) -> (f64, Drive) {
         let ego = input.ego;
         let steering_rad = self.steering_by(self.params.law, ego, here, 0.0);
-        let accel_mps2 = self.speed.accel(here.target, ego.speed_mps, dt_s);
+        let most_mps2 = self.accel_most_mps2(input, status, here.target.accel_mps2);
+        let accel_mps2 = self.speed.accel_within(most_mps2, here.target, ego.speed_mps, dt_s);
         (steering_rad, self.drive_at(here.target.speed_mps, accel_mps2, ego))
     }
 
@@ -317,6 +322,7 @@ impl LawController {
         *report = Some(step.report);
         let rests = wanted < 0.05 && ego.speed_mps.abs() < 0.3;
         let accel = if rests { -self.params.speed.hold_mps2 } else { step.accel_mps2 };
+        let accel = accel.min(self.accel_most_mps2(input, status, here.target.accel_mps2));
         // The horizon may begin with low speeds: the speed at its end is the target.
         (step.steering_rad, self.drive_at(wanted, accel, ego))
     }
@@ -431,6 +437,7 @@ impl Controller for LawController {
         let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
+        self.rise.advance(input, &self.params.comfort_accel, self.accel_mps2, dt_s);
         let status = self.load(input, is_seen);
         let here = self.here(input, status);
         let mut report = None;
@@ -438,7 +445,7 @@ impl Controller for LawController {
             _ if !is_seen => self.step_blind(&ego, &here),
             (_, Law::Pid) => self.step_pid(input, &here, dt_s),
             (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
-            _ => self.step_tracker(input, &here, dt_s),
+            _ => self.step_tracker(input, &here, status, dt_s),
         };
         let max = self.limits.steering_max_rad;
         let change = self.steering_change_rad(input, status, &here, dt_s);

@@ -24,8 +24,8 @@ pub mod speed;
 mod validate;
 
 pub use controller::{
-    AlongParams, Controller, Following, Input, Law, LawController, Output, Params, Status, StopParams,
-    StopReason,
+    AlongParams, ComfortAccelParams, Controller, Following, Input, Law, LawController, Output, Params,
+    Status, StopParams, StopReason,
 };
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
 pub use slip::SlipParams;

@@ -59,7 +59,17 @@ impl SpeedLaw {
 
     /// Acceleration to command, m/s², `dt_s` seconds after the previous call.
     pub fn accel(&mut self, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
-        self.last_mps2 = self.wanted(target, speed_mps, dt_s);
+        self.accel_within(f64::INFINITY, target, speed_mps, dt_s)
+    }
+
+    /// As [`accel`](Self::accel), but at most `most_mps2`; an error that this leaves is not integrated.
+    pub(crate) fn accel_within(&mut self, most_mps2: f64, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
+        let integral_mps2 = self.integral_mps2;
+        let wanted_mps2 = self.wanted(target, speed_mps, dt_s);
+        if wanted_mps2 > most_mps2 {
+            self.integral_mps2 = self.integral_mps2.min(integral_mps2);
+        }
+        self.last_mps2 = wanted_mps2.min(most_mps2);
         self.last_mps2
     }
 

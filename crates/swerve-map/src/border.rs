@@ -91,6 +91,7 @@ impl Border {
     }
 
     /// Stations of a linear border; empty for a constant one.
+    #[inline]
     pub fn stations(&self) -> &[Station] {
         match &self.0 {
             Form::Constant(_) => &[],
@@ -99,6 +100,7 @@ impl Border {
     }
 
     /// Stations of a linear border in a range of arc lengths, metres.
+    #[inline]
     fn stations_between(&self, ends_m: [f64; 2]) -> &[Station] {
         match &self.0 {
             Form::Constant(_) => &[],

@@ -159,6 +159,11 @@ impl Road {
         }
     }
 
+    /// Returns true if [`keeps`](Self::keeps) takes long: beside a line that is not straight.
+    pub(crate) fn is_bent(&self) -> bool {
+        self.pieces.len() > 1
+    }
+
     /// Distance of the outermost place of `footprint` inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
         self.borders.margin_m(footprint.corners(), self.projector(footprint))

@@ -72,6 +72,9 @@ pub struct Params {
     /// Largest lateral jerk from steering while the plan is comfortable, m/s³; not used by [`Law::Pid`].
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub comfort_jerk_mps3: f64,
+    /// Largest acceleration on a plan, and its rise while the plan is comfortable; not used by [`Law::Pid`].
+    #[ranges(nested)]
+    pub comfort_accel: ComfortAccelParams,
 }
 
 impl Default for Params {
@@ -89,7 +92,30 @@ impl Default for Params {
             slip: SlipParams::default(),
             mpc: mpc::Params::default(),
             comfort_jerk_mps3: 6.5,
+            comfort_accel: ComfortAccelParams::default(),
         }
+    }
+}
+
+/// Bounds on the commanded acceleration: a car lags its plan, and does not exceed comfort to catch up. Braking is not
+/// bounded.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
+#[serde(deny_unknown_fields, default)]
+pub struct ComfortAccelParams {
+    /// Largest acceleration, m/s², unless the plan has more. Source: within nuPlan's 2.40, above the planner's 2.
+    #[schemars(range(min = 0.1, max = 20.0))]
+    pub most_mps2: f64,
+    /// Largest rate at which the acceleration rises while the plan is comfortable, m/s³. Source: within nuPlan's 4.13.
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    pub rise_mps3: f64,
+    /// Rise that is possible at once, m/s²: measured speeds are noisy.
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub at_once_mps2: f64,
+}
+
+impl Default for ComfortAccelParams {
+    fn default() -> Self {
+        Self { most_mps2: 2.2, rise_mps3: 3.6, at_once_mps2: 0.2 }
     }
 }
 

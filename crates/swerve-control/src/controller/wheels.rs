@@ -1,7 +1,6 @@
 //! Limits on the steering change per step.
 
 use swerve_geom::angle_between;
-use swerve_msg::{Plan, PlanStatus};
 
 use super::{Here, Input, Law, LawController, Status, StopReason};
 
@@ -22,9 +21,6 @@ impl LawController {
         here: &Here,
         dt_s: f64,
     ) -> f64 {
-        let is_gentle =
-            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
-        let comfortable = input.plan.is_some_and(is_gentle);
         if self.params.law == Law::Pid {
             return f64::INFINITY;
         }
@@ -35,7 +31,7 @@ impl LawController {
             return gentle;
         }
         let is_outdated = status == Status::Stopping(StopReason::PlanOutdated);
-        if !comfortable || !(is_outdated || status == Status::Plan) {
+        if !input.is_gentle() || !(is_outdated || status == Status::Plan) {
             return f64::INFINITY;
         }
         // An ego beside an outdated plan is led back by the next one.

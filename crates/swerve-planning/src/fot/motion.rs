@@ -239,22 +239,22 @@ impl Checks<'_> {
         // samples.
         let steps = (end_s / LOOK_S.min(0.1 * last_s)).ceil().max(1.0);
         let step_s = end_s / steps;
-        let mut place = motion.at(line, 0.0, self.heading);
-        let grace = *hints.grace.get_or_insert_with(|| Grace::new(self, &place));
-        let mut before = MotionState { cos: self.heading.0, sin: self.heading.1, ..place };
+        let mut places = self.places(line, motion, step_s);
+        let first = places.next().expect("places do not end");
+        let grace = *hints.grace.get_or_insert_with(|| Grace::new(self, &first.1));
+        let mut before = MotionState { cos: self.heading.0, sin: self.heading.1, ..first.1 };
         let (mut peaks, mut total) = (Peaks::default(), Total::default());
-        for k in 0..=steps as usize {
-            let t_s = k as f64 * step_s;
-            if k > 0 {
-                place = motion.at(line, t_s, (before.cos, before.sin));
-            }
-            let body = outline(self.shape, &place);
-            if !self.limits_hold((&before, &place), &body, (t_s, step_s), &grace)
+        // Most motions fail another check than that of a bent road, which takes longest.
+        let is_late = self.drivable.is_some_and(|limits| limits.road.is_bent());
+        for (t_s, place) in core::iter::once(first).chain(places).take(steps as usize + 1) {
+            if !self.limits_hold((&before, &place), (t_s, step_s), &grace)
+                || !(is_late || self.keeps_road(&place, t_s, &grace))
                 || !self.total_holds(&place, t_s, &mut total, &grace)
             {
                 return false;
             }
             // Most collisions are found at a sample; the finer check below is more expensive.
+            let body = outline(self.shape, &place);
             if !self.obstacles.solid_free(&body, self.at + Span::from_secs(t_s), grace.clearance_m) {
                 hints.add(t_s);
                 return false;
@@ -263,9 +263,29 @@ impl Checks<'_> {
             peaks.yaw_rate_radps = peaks.yaw_rate_radps.max(place.speed_mps * place.curvature_1pm.abs());
             before = place;
         }
+        let mut places = self.places(line, motion, step_s).take(steps as usize + 1);
+        if is_late && !places.all(|(t_s, place)| self.keeps_road(&place, t_s, &grace)) {
+            return false;
+        }
         let near_s = self.first_near(line, motion, end_s, &peaks, grace.clearance_m);
         near_s.into_iter().for_each(|t_s| hints.add(t_s));
         near_s.is_none()
+    }
+
+    /// Instants and places of `motion` every `step_s`, without end.
+    fn places<'a>(
+        &'a self,
+        line: &'a Line,
+        motion: &'a Motion,
+        step_s: f64,
+    ) -> impl Iterator<Item = (f64, MotionState)> + 'a {
+        let mut still = self.heading;
+        (0_usize..).map(move |k| {
+            let t_s = k as f64 * step_s;
+            let place = motion.at(line, t_s, still);
+            still = (place.cos, place.sin);
+            (t_s, place)
+        })
     }
 
     /// Returns true if `motion` ends at rest in the lane of oncoming traffic.
@@ -297,7 +317,6 @@ impl Checks<'_> {
     fn limits_hold(
         &self,
         (before, place): (&MotionState, &MotionState),
-        body: &Solid,
         (t_s, step_s): (f64, f64),
         grace: &Grace,
     ) -> bool {
@@ -315,7 +334,7 @@ impl Checks<'_> {
         if self.smooth && !self.goes_on(before, place) {
             return false;
         }
-        let look = Look { before, place, body, share, step_s };
+        let look = Look { before, place, share, step_s };
         self.drivable.is_none_or(|limits| self.drivable_holds(&limits, &look, grace))
     }
 
@@ -343,7 +362,7 @@ impl Checks<'_> {
     }
 
     fn drivable_holds(&self, limits: &Drivable<'_>, look: &Look<'_>, grace: &Grace) -> bool {
-        let Look { before, place, body, share, step_s } = *look;
+        let Look { before, place, share, step_s } = *look;
         let lateral = place.curvature_1pm.abs() * place.speed_mps * place.speed_mps;
         let accel = place.accel_mps2;
         if lateral > limits.lateral_accel_max_mps2.max(grace.lateral_mps2 * share)
@@ -359,9 +378,17 @@ impl Checks<'_> {
                 return false;
             }
         }
-        let margin_m = limits.road_margin_m;
-        let needed_m = margin_m.min(margin_m + (grace.margin_m - margin_m) * share);
-        limits.road.keeps(body, needed_m)
+        true
+    }
+
+    /// Returns true if the outline is on the drivable ground, with its margin, `t_s` after the start.
+    fn keeps_road(&self, place: &MotionState, t_s: f64, grace: &Grace) -> bool {
+        self.drivable.is_none_or(|limits| {
+            let share = (1.0 - t_s / GRACE_S).max(0.0);
+            let margin_m = limits.road_margin_m;
+            let needed_m = margin_m.min(margin_m + (grace.margin_m - margin_m) * share);
+            limits.road.keeps(&outline(self.shape, place), needed_m)
+        })
     }
 
     /// An instant from 0 to `end_s` at which the clearance is violated, if any.
@@ -416,8 +443,6 @@ impl Checks<'_> {
 struct Look<'a> {
     before: &'a MotionState,
     place: &'a MotionState,
-    /// Outline at `place`.
-    body: &'a Solid,
     /// Fraction of the start's limit violation that is still tolerated.
     share: f64,
     /// Time since the previous sample, seconds.

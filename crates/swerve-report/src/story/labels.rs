@@ -108,22 +108,27 @@ impl Labels {
         for asked in &self.asked {
             let Asked { importance, places, text, how, disc } = asked;
             let signs = if *importance >= Importance::Name { &self.signs[..] } else { &[] };
+            let width = width_of(text, *how);
+            let room = |at: At| asked.room(at, width);
             let is_free = |at: &At| {
-                let r = asked.room(*at);
+                let r = room(*at);
                 is_within(&r, &self.room) && !taken.iter().chain(signs).any(|t| overlap(t, &r))
             };
             let free = || places.iter().copied().filter(is_free);
             if let Some(paint) = disc {
                 let Some(at) = free().next() else { continue };
-                taken.push(asked.room(at));
+                taken.push(room(at));
                 badge(canvas, at, text, *paint);
                 continue;
             }
-            let crosses = |at: At| self.lines.iter().any(|line| is_crossed(&asked.room(at), *line));
+            let crosses = |at: At| {
+                let room = room(at);
+                self.lines.iter().any(|line| is_crossed(&room, *line))
+            };
             let clear = free().take(CLEAR_AMONG).find(|at| !crosses(*at));
             let fallback = || free().next().filter(|_| *importance != Importance::Time);
             let Some(at) = clear.or_else(fallback) else { continue };
-            let room = asked.room(at);
+            let room = room(at);
             taken.push(room);
             if clear.is_none() {
                 let [left, top, right, bottom] = room;
@@ -136,11 +141,11 @@ impl Labels {
 }
 
 impl Asked {
-    /// Bounding box of the label at a position.
-    fn room(&self, at: At) -> Room {
+    /// Bounding box of the label at a position, given the width of its text.
+    fn room(&self, at: At, width: f64) -> Room {
         match self.disc {
             Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
-            None => room_of(at, &self.text, self.how),
+            None => room_of(at, width, self.how),
         }
     }
 }
@@ -170,9 +175,8 @@ fn is_crossed(room: &Room, [from, to]: [At; 2]) -> bool {
     enter <= leave
 }
 
-/// Bounding box of a text whose baseline is at a position.
-pub(super) fn room_of((x, y): At, text: &str, how: Text) -> Room {
-    let width = width_of(text, how);
+/// Bounding box of a text of this width whose baseline is at a position.
+fn room_of((x, y): At, width: f64, how: Text) -> Room {
     let left = match how.anchor {
         Anchor::Middle => x - 0.5 * width,
         Anchor::End => x - width,

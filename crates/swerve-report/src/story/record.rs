@@ -333,8 +333,18 @@ fn is_change_of_mind(old: &Plan, new: &Plan) -> bool {
     }
     let points: Vec<Point2> = old.points.iter().map(|p| p.pose.point()).collect();
     let Ok(line) = Polyline::new(&points) else { return false };
+    let mut near_m = 0.0;
     new.points.iter().any(|p| {
+        // A place of the line that is near enough suffices: the nearest one is no farther.
+        let near = line.project_near(p.pose.point(), near_m, NEXT_M);
+        near_m = near.s_m;
+        if near.d_m.abs() <= CHANGE_OF_MIND_M {
+            return false;
+        }
         let place = line.project(p.pose.point());
         (0.0..=line.length()).contains(&place.s_m) && place.d_m.abs() > CHANGE_OF_MIND_M
     })
 }
+
+/// Distance along a plan within which its next point is searched first, metres.
+const NEXT_M: f64 = 3.0;
