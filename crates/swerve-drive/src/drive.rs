@@ -52,7 +52,7 @@ pub fn drive(config: &Setup, scenario: &Scenario) -> anyhow::Result<Outcome> {
     drive_observed(config, scenario, 1, &mut [])
 }
 
-/// Runs a scenario and passes all events to `observers`.
+/// Runs a scenario and passes all events to `observers`; with several egos, those of the first.
 pub fn drive_observed(
     config: &Setup,
     scenario: &Scenario,
@@ -64,12 +64,22 @@ pub fn drive_observed(
     drive_pipeline(pipeline, config.seed, threads, observers)
 }
 
-/// Runs a pipeline.
+/// Runs a pipeline; `observers` as in [`drive_observed`].
 pub fn drive_pipeline(
     pipeline: Pipeline,
     seed: u64,
     threads: usize,
     observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    drive_recorded(pipeline, seed, threads, (&mut [], observers))
+}
+
+/// Same as [`drive_pipeline`]; the observers that come first get the events of all egos, under the names of the graph.
+pub fn drive_recorded(
+    pipeline: Pipeline,
+    seed: u64,
+    threads: usize,
+    (of_all, of_first): (&mut [&mut dyn Observer], &mut [&mut dyn Observer]),
 ) -> anyhow::Result<Outcome> {
     let stacks = pipeline.stacks();
     let measured: anyhow::Result<Vec<Measured>> =
@@ -84,11 +94,16 @@ pub fn drive_pipeline(
     };
     let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
     let report = {
-        let measuring = names.iter().zip(&mut measured);
-        let mut measuring: Vec<_> =
-            measuring.map(|(names, measured)| OfEgo::new(names, measured as &mut dyn Observer)).collect();
-        let mut all: Vec<&mut dyn Observer> = measuring.iter_mut().map(|m| m as &mut dyn Observer).collect();
-        all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
+        let measuring = names.iter().zip(measured.iter_mut().map(|m| m as &mut dyn Observer));
+        let shown =
+            of_first.iter_mut().map(|observer| (&pipeline.names, &mut **observer as &mut dyn Observer));
+        let mut of_egos: Vec<_> =
+            measuring.chain(shown).map(|(names, observer)| OfEgo::new(names, observer)).collect();
+        let (measuring, shown) = of_egos.split_at_mut(names.len());
+        let each = |of_ego: &'_ mut OfEgo<_>| of_ego as &mut dyn Observer;
+        let mut all: Vec<&mut dyn Observer> = measuring.iter_mut().map(each).collect();
+        all.extend(of_all.iter_mut().map(|observer| &mut **observer as &mut dyn Observer));
+        all.extend(shown.iter_mut().map(each));
         run(pipeline.graph, &options, all)?
     };
     let mut measured = egos.into_iter().zip(measured);

@@ -28,7 +28,9 @@ pub mod threads;
 pub mod trust;
 pub mod views;
 
-pub use drive::{OtherOutcome, Outcome, drive, drive_observed, drive_pipeline, record_run_times};
+pub use drive::{
+    OtherOutcome, Outcome, drive, drive_observed, drive_pipeline, drive_recorded, record_run_times,
+};
 pub use ego::{EgoRun, OfEgo, of_ego};
 pub use lights::light_courses;
 pub use load::{

@@ -12,7 +12,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
 use swerve_drive::{
-    OfEgo, Outcome, Recording, RunInput, conclude, drive_pipeline, load, note_idle, operators_with_runtime,
+    Outcome, Recording, RunInput, conclude, drive_recorded, load, note_idle, operators_with_runtime,
     record_run_times, run_start, set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer};
@@ -123,19 +123,16 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut report = RunReport::new(&config, &pipeline, command);
-    // Pictures and page are of the first ego.
-    let pictured: [&mut dyn Observer; 2] = [&mut story, &mut report];
-    let pictured = pictured.into_iter().chain(frames.as_mut().map(|frames| frames as &mut dyn Observer));
-    let mut pictured: Vec<_> = pictured.map(|observer| OfEgo::new(&pipeline.names, observer)).collect();
+    let mut pictured: Vec<&mut dyn Observer> = vec![&mut story, &mut report];
+    pictured.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let mut observers: Vec<&mut dyn Observer> = vec![&mut progress, &mut recording, &mut trace];
-    observers.extend(pictured.iter_mut().map(|pictured| pictured as &mut dyn Observer));
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = Processes::start_all(&config, &mut pipeline)?;
     stop_on_interrupt(pipeline.graph.stop_handle());
     let threads = threads(args.threads.unwrap_or_else(swerve_drive::threads::cores), &config);
-    let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
+    let driven = drive_recorded(pipeline, config.seed, threads, (&mut observers, &mut pictured));
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
     let ros2 = car.map(Ros2Car::finish);
