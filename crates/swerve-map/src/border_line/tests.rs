@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Borders, Junction, JunctionId, LaneId, Mark, Neighbour, Station, features::Features};
+use crate::{Border, Borders, Junction, JunctionId, LaneId, Mark, Neighbour, Station, features::Features};
 
 fn lane(id: u32, points: &[(f64, f64)]) -> Lane {
     let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
