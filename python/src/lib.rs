@@ -8,6 +8,7 @@
 //! | `background.rs` | long work on a thread, while Python checks for Ctrl-C |
 //! | `run.rs`, `study.rs`, `log.rs`, `command.rs` | one function each |
 //! | `gym/` | drives stepped by an agent |
+//! | `map.rs` | the lanes of a road or map |
 //! | `worker.rs` | operators written in Python, in separate processes |
 //! | `algorithms.rs` | algorithms written in Python, called by operators of the stack |
 //!
@@ -19,6 +20,7 @@ mod command;
 mod convert;
 mod gym;
 mod log;
+mod map;
 mod numbers;
 mod run;
 mod streams;
@@ -34,6 +36,7 @@ fn _swerve(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<streams::StreamData>()?;
     module.add_class::<numbers::Numbers>()?;
     module.add_class::<gym::Drives>()?;
+    module.add_class::<map::Lanes>()?;
     module.add_function(wrap_pyfunction!(command::host, module)?)?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;
     module.add_function(wrap_pyfunction!(command::scenarios, module)?)?;

@@ -66,20 +66,25 @@ impl Inputs {
         let mut config = config.map_err(|problems| error(problems_error(&problems)))?;
         // A dictionary comes from the calling program itself and is trusted.
         CodeArgs { allow_code: code.allow_code || !is_file }.apply(&mut config);
-        let (scenario, scenario_text, scenario_file) = match scenario {
-            FileOr::File(path) => {
-                let scenario = read_scenario(path).map_err(error)?;
-                let text = Kind::Scenario.text(path).map_err(|problem| error(problem.into()))?;
-                (scenario, text.into_owned(), path.display().to_string())
-            }
-            FileOr::Content(dict) => {
-                let text = text(dict)?;
-                let scenario = Scenario::parse("scenario", &text)
-                    .map_err(|problems| error(problems_error(&problems)))?;
-                (scenario, text, "scenario".into())
-            }
-        };
+        let (scenario, scenario_text, scenario_file) = load_scenario(scenario)?;
         Ok(Self { config, scenario, scenario_text, scenario_file })
+    }
+}
+
+/// Reads and checks a scenario; also gives its text, and the name of its file.
+pub(crate) fn load_scenario(scenario: &FileOr<'_>) -> PyResult<(Scenario, String, String)> {
+    match scenario {
+        FileOr::File(path) => {
+            let scenario = read_scenario(path).map_err(error)?;
+            let text = Kind::Scenario.text(path).map_err(|problem| error(problem.into()))?;
+            Ok((scenario, text.into_owned(), path.display().to_string()))
+        }
+        FileOr::Content(dict) => {
+            let text = text(dict)?;
+            let scenario =
+                Scenario::parse("scenario", &text).map_err(|problems| error(problems_error(&problems)))?;
+            Ok((scenario, text, "scenario".into()))
+        }
     }
 }
 

@@ -16,6 +16,7 @@ use swerve_ipc::WorkerSetup;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::convert::{cbor, error};
+use crate::map::Lanes;
 use crate::numbers;
 
 /// An operator whose steps are taken in Python.
@@ -127,14 +128,15 @@ fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, 
 }
 
 /// Takes steps until the run that started this process ends. `make` is called once for each operator, with its name,
-/// inputs (port, mode, stream, Rust type) and outputs (port, stream, Rust type), and returns the function called for
-/// each frame, or `None` for an operator of the stack that calls an algorithm. Ports have names if the configuration
+/// inputs (port, mode, stream, Rust type), outputs (port, stream, Rust type) and the lanes of the scenario, and returns
+/// the function called for each frame, or `None` for an operator of the stack that calls an algorithm. Ports have names if the configuration
 /// declares them. `algorithms` creates those algorithms, by their role.
 #[pyfunction]
 pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDict>) -> PyResult<()> {
     let registry = swerve::Registry::standard().with_foreign(&crate::algorithms::foreign(algorithms)?);
     let prepare = |setup: &WorkerSetup, pipeline: Pipeline| {
-        let Pipeline { mut graph, assembly, .. } = pipeline;
+        let Pipeline { mut graph, assembly, scenario, .. } = pipeline;
+        let lanes = Python::attach(|py| Py::new(py, Lanes::from(scenario.road.map())))?;
         let described = graph.describe()?;
         for name in &setup.operators {
             let Some(operator) = described.operators.iter().find(|operator| operator.name == *name) else {
@@ -149,7 +151,8 @@ pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDic
             let (inputs, outputs) = (inputs(&graph, operator, read), outputs(operator, published));
             let timers = operator.inputs.iter().map(|input| input.stream.is_none()).collect();
             let step = Python::attach(|py| {
-                make.call1(py, (name.as_str(), inputs, outputs)).map_err(|error| with_traceback(py, &error))
+                make.call1(py, (name.as_str(), inputs, outputs, &lanes))
+                    .map_err(|error| with_traceback(py, &error))
             });
             let step = step.map_err(anyhow::Error::msg)?;
             if Python::attach(|py| step.is_none(py)) {

@@ -17,6 +17,7 @@ from . import _swerve, messages
 from ._files import scenarios
 from .algorithms import Planner, PlanRequest, Predictor, Route, Tracker
 from .logs import Log, read_log
+from .maps import Lane, Map, Place, read_map
 from .operators import Frame, Operator
 from .runs import Result, run
 from .streams import Stream
@@ -29,8 +30,11 @@ _swerve.host(sys.executable, ["-m", "swerve"], _swerve.__file__)
 
 __all__ = [
     "Frame",
+    "Lane",
     "Log",
+    "Map",
     "Operator",
+    "Place",
     "PlanRequest",
     "Planner",
     "Predictor",
@@ -41,6 +45,7 @@ __all__ = [
     "Tracker",
     "messages",
     "read_log",
+    "read_map",
     "run",
     "scenarios",
     "study",

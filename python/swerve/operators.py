@@ -34,6 +34,7 @@ from typing import Any, ClassVar
 
 from . import _swerve, algorithms
 from .algorithms import Algorithm
+from .maps import Map
 from .messages import Message
 from .streams import message_class
 
@@ -88,6 +89,8 @@ class Operator:
     of its own, in the order of the operator's ports, timers left out."""
     outputs: ClassVar[Mapping[str, type[Message]]] = {}
     """The outputs in the same way."""
+    map: Map
+    """The lanes of the scenario's road or map; those of a `Route` are in it. It is there from the first step on."""
 
     def step(self, frame: Frame) -> Message | Mapping[str, Message | None] | None:
         """Answers one frame: a message, or messages by the names of the outputs; none where it has no answer."""
@@ -195,7 +198,7 @@ def work(words: list[str]) -> int:
     """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
     places = {name: where for name, _, where in (word.rpartition("=") for word in words)}
 
-    def make(name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]] | None:
+    def make(name: str, inputs: _Ports, outputs: _Ports, lanes: _swerve.Lanes) -> Callable[..., list[Any]] | None:
         where = places.get(name, places.get(""))
         if where is None:
             raise KeyError(f"no class is named for operator `{name}`")
@@ -205,7 +208,9 @@ def work(words: list[str]) -> int:
             read, published = ([message_class(str(port[-1])).__name__ for port in side] for side in (inputs, outputs))
             algorithms.check(found, name, read, published)
             return None
-        return stepper(found(), name, inputs, outputs)
+        operator = found()
+        operator.map = Map(lanes)
+        return stepper(operator, name, inputs, outputs)
 
     # Standard output is how a process answers its run; what an operator prints is for people.
     sys.stdout = sys.stderr

@@ -32,6 +32,20 @@ def test_planner_avoids_the_person_as_the_program_has_it(tmp_path: Path) -> None
     assert digest and said[1].endswith(digest[1]), said
 
 
+def test_ego_drives_around_the_barrier_that_an_operator_finds_on_map_and_route(tmp_path: Path) -> None:
+    config = EXAMPLES / "barriers.toml"
+    ran = python(tmp_path, "-m", "swerve", "run", "maps/closed_road", "-c", config, "--allow-code")
+    assert "as the scenario expects" in ran, ran
+
+
+def test_the_page_on_maps_shows_the_operator_and_its_configuration() -> None:
+    page = (EXAMPLES.parents[1] / "docs/howto/drive_on_a_map.md").read_text()
+    code = (EXAMPLES / "barriers.py").read_text()
+    config = (EXAMPLES / "barriers.toml").read_text()
+    assert "```python barriers.py\n" + code[code.index("import swerve") :] + "```" in page
+    assert "```toml config\n" + config[config.index("[operator") :] + "```" in page
+
+
 def test_the_detector_drives_as_the_program_has_it(tmp_path: Path) -> None:
     said = python(tmp_path, EXAMPLES / "detector.py")
     config = EXAMPLES / "detector.toml"

@@ -15,6 +15,8 @@ use swerve_stack::pipeline::Pipeline;
 
 use crate::common::{root, scenario_file, sets};
 
+#[path = "../../examples/own_stack/src/barriers.rs"]
+mod barriers;
 #[path = "../../examples/own_stack/src/cautious.rs"]
 mod cautious;
 #[path = "../../examples/own_stack/src/clear_ahead.rs"]
@@ -48,6 +50,7 @@ fn registry() -> Registry {
     Registry::standard()
         .with::<nearest_ahead::NearestAhead>()
         .with::<slow_down::SlowDown>()
+        .with::<barriers::Barriers>()
         .with_planner::<cautious::Cautious>()
         .with_controller::<pursuit::Pursuit>()
         .with_predictor::<fading::Fading>()
@@ -160,6 +163,19 @@ fn planner_of_a_new_folder_drives_its_scenario() {
     assert_eq!(outcome.broken(expected), Vec::<String>::new());
 }
 
+/// The scenario's own report of the closure is not read.
+#[test]
+fn operator_that_reads_map_and_route_makes_the_ego_drive_around_barriers_that_it_sees() {
+    let file = root().join("examples/own_stack/barriers.toml");
+    let config = Setup::load_with(&registry(), Some(&file), &[]).unwrap_or_else(|why| panic!("{why:?}"));
+    let scenario = read_scenario(&scenario_file("maps/closed_road")).unwrap();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    assert!(pipeline.assembly.operator("closures").is_none());
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap();
+    let expected = scenario.expectation(&config.pipeline_name()).unwrap();
+    assert_eq!(outcome.broken(expected), Vec::<String>::new());
+}
+
 /// Their README's statements on the drive that it shows.
 #[test]
 fn readme_states_the_result_of_its_drive() {
@@ -184,6 +200,7 @@ fn readme_states_the_result_of_its_drive() {
 #[test]
 fn each_of_their_files_is_short() {
     for name in [
+        "barriers",
         "cautious",
         "clear_ahead",
         "colourful",

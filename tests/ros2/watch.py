@@ -34,7 +34,7 @@ def plain(value):
 
 
 def qos(topic):
-    latched = topic == "/tf_static" or topic.endswith("enabled")
+    latched = topic in ("/tf_static", "/swerve/lanes") or topic.endswith("enabled")
     durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
     reliable = latched and Policy.Reliability.Reliable(10**8) or Policy.Reliability.BestEffort
     return Qos(reliable, durability, Policy.History.KeepLast(100))

@@ -2,8 +2,8 @@
 
 use swerve_core::{Span, Time};
 use swerve_eval::{Metrics, Why};
-use swerve_geom::{FrenetPoint, Point2};
-use swerve_map::Lane;
+use swerve_geom::Point2;
+use swerve_map::{Lane, Side};
 use swerve_report::story::Story;
 use swerve_scenario::{Course, Scenario};
 use swerve_stack::config::Config;
@@ -49,15 +49,6 @@ pub fn conclude(story: &mut Story, scenario: &Scenario, metrics: &Metrics, why: 
 
 /// Outline of a lane: its left border, and back along the right one.
 fn outline_of(lane: &Lane) -> Vec<Point2> {
-    let side = |d_m: &dyn Fn(f64) -> f64| -> Vec<Point2> {
-        let mut s_m = 0.0;
-        let points = lane.line.points();
-        let place = |k: usize| {
-            s_m += if k > 0 { points[k - 1].distance(points[k]) } else { 0.0 };
-            lane.line.to_map(FrenetPoint { s_m, d_m: d_m(s_m) })
-        };
-        (0..points.len()).map(place).collect()
-    };
-    let right = side(&|s_m| -lane.borders.right_m(s_m));
-    side(&|s_m| lane.borders.left_m(s_m)).into_iter().chain(right.into_iter().rev()).collect()
+    let right = lane.border_points(Side::Right);
+    lane.border_points(Side::Left).into_iter().chain(right.into_iter().rev()).collect()
 }

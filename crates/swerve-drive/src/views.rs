@@ -32,6 +32,7 @@ fn setup(config: &Config, scenario: &Scenario) -> foxglove::Setup {
     foxglove::Setup {
         route: scenario.road.route(),
         lines_m: scenario.road.lines().inner(),
+        map: scenario.road.network().cloned(),
         shape: vehicle.shape,
         dead_time: Span::from_secs(vehicle.dead_time_s),
         mounts: Vec::new(),
@@ -66,4 +67,22 @@ fn mounts(config: &Config, runs: impl Fn(&str) -> bool) -> Vec<Mount> {
         Mount::new(name, turned)
     });
     cameras.chain(lidars).chain(radars).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read_scenario;
+
+    #[test]
+    fn lanes_of_a_map_are_shown_and_a_road_has_its_lines_alone() {
+        let config = Setup::load(None, &[]).unwrap();
+        let lanes = |name: &str| {
+            let file = format!("{}/../../scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            let scenario = read_scenario(file.as_ref()).unwrap();
+            live_views(&config, &scenario).map.map(|map| map.lanes().len())
+        };
+        assert!(lanes("maps/right_before_left").is_some_and(|n| n > 12));
+        assert_eq!(lanes("lane"), None);
+    }
 }

@@ -8,6 +8,7 @@ use foxglove::messages::{
 };
 use swerve_core::Time;
 use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform, math};
+use swerve_map::{BorderLine, BorderLook};
 use swerve_msg::truth::Actor;
 use swerve_msg::{ActorNames, Extent, Lanes, Plan, PredictionList, TrackList};
 
@@ -47,7 +48,7 @@ fn transform<A, B>(at: Timestamp, parent: &str, child: String, of: &Transform<A,
     }
 }
 
-/// Static scene: the lines of the road, and the car in its own frame.
+/// Static scene: the lanes of the map, the lines of the road, and the car in its own frame.
 pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
     let line = setup.route.line();
     let n = (line.length() / STEP_M).ceil().max(1.0) as usize;
@@ -65,7 +66,23 @@ pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
     let body = cube(center, 0.0, extent, colour([240, 240, 240, 110]));
     let road = SceneEntity { lines, ..entity(at, "road") };
     let ego = SceneEntity { frame_id: EGO.into(), cubes: vec![body], ..entity(at, "ego") };
-    SceneUpdate { deletions: Vec::new(), entities: vec![road, ego] }
+    let map = setup.map.iter().map(|map| SceneEntity { lines: map_lines(map), ..entity(at, "map") });
+    SceneUpdate { deletions: Vec::new(), entities: map.chain([road, ego]).collect() }
+}
+
+/// Borders of all lanes of a map, as pairs of points: painted lines white, the others grey, thin inside junctions.
+fn map_lines(map: &swerve_map::Map) -> Vec<LinePrimitive> {
+    let borders = map.border_lines();
+    let lines = |looks: &[BorderLook], colour, thickness| {
+        let shown = borders.iter().filter(|line| looks.contains(&line.look));
+        let ends = shown.flat_map(BorderLine::pieces).flatten();
+        let points: Vec<Point3> = ends.map(|end| point([end.x_m, end.y_m, OVER_M])).collect();
+        let line_list = LineType::LineList as i32;
+        (!points.is_empty()).then(|| LinePrimitive { r#type: line_list, ..strip(points, colour, thickness) })
+    };
+    let painted = lines(&[BorderLook::Solid, BorderLook::Broken], WHITE, 0.12);
+    let plain = lines(&[BorderLook::Plain], GREY, 0.12);
+    [painted, plain, lines(&[BorderLook::InJunction], GREY, 0.04)].into_iter().flatten().collect()
 }
 
 /// Ground truth of the other road users.
@@ -218,10 +235,48 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
 
 #[cfg(test)]
 mod tests {
-    use swerve_geom::Vector2;
-    use swerve_msg::{ActorId, ActorKind};
+    use std::sync::Arc;
+
+    use swerve_core::Span;
+    use swerve_geom::{Point2, Polyline, Vector2};
+    use swerve_map::{Borders, Lane, LaneId, LaneMarks, Mark, MarkKind};
+    use swerve_msg::{ActorId, ActorKind, Route};
+    use swerve_vehicle::VehicleParams;
 
     use super::*;
+
+    #[test]
+    fn static_scene_has_the_lanes_of_the_map_beside_the_road() {
+        let line = |y_m: f64| Polyline::new(&[Point2::new(0.0, y_m), Point2::new(30.0, y_m)]).unwrap();
+        let lane = |id, y_m| Lane::new(LaneId(id), line(y_m), Borders::constant(2.0, 2.0));
+        let broken = LaneMarks::new(vec![Mark::new(0.0, MarkKind::Broken)], vec![]).unwrap();
+        let near = Lane { marks: broken, ..lane(1, 0.0) };
+        let setup = |map| Setup {
+            route: Route::uniform(line(0.0), 2.0, 2.0),
+            lines_m: Vec::new(),
+            map,
+            shape: VehicleParams::default().shape,
+            dead_time: Span::ZERO,
+            mounts: Vec::new(),
+            images: None,
+            raw_images: false,
+            detectors: Vec::new(),
+            actors: Default::default(),
+            ego_from_pose: false,
+        };
+        let shown = |map| ground(Time::ZERO, &setup(map)).entities;
+        let ids = |entities: &[SceneEntity]| entities.iter().map(|e| e.id.clone()).collect::<Vec<_>>();
+        assert_eq!(ids(&shown(None)), ["road", "ego"]);
+        let entities = shown(Some(Arc::new(swerve_map::Map::new(vec![near, lane(2, 20.0)]).unwrap())));
+        assert_eq!(ids(&entities), ["map", "road", "ego"]);
+        let [painted, plain] = &entities[0].lines[..] else { panic!("{:?}", entities[0].lines) };
+        // Four strokes of the broken line, and three borders without marks, each from its begin to its end.
+        let ends = |line: &LinePrimitive| line.points.iter().map(|p| (p.x, p.y)).collect::<Vec<_>>();
+        let strokes = [0.0, 3.0, 9.0, 12.0, 18.0, 21.0, 27.0, 30.0].map(|x| (x, 2.0));
+        assert_eq!(ends(painted), strokes);
+        assert_eq!(ends(plain), [-2.0, 22.0, 18.0].map(|y| [(0.0, y), (30.0, y)]).as_flattened());
+        assert!([painted, plain].iter().all(|line| line.r#type == LineType::LineList as i32));
+    }
 
     #[test]
     fn actors_are_named_as_in_the_scenario_or_by_kind_and_number() {

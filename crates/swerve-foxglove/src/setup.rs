@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_geom::{Ego, Transform};
-use swerve_map::Border;
+use swerve_map::{Border, Map};
 use swerve_msg::{ActorNames, Route};
 use swerve_vehicle::Shape;
 
@@ -17,6 +17,8 @@ pub struct Setup {
     pub route: Route,
     /// Lines of the road within the drivable ground: metres to the left of the route at each arc length.
     pub lines_m: Vec<Border>,
+    /// Map that the road is part of; `None` if the lines above are all there are.
+    pub map: Option<Arc<Map>>,
     /// Shape of the ego.
     pub shape: Shape,
     /// Time from a command to its effect.

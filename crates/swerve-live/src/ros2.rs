@@ -147,7 +147,7 @@ impl Ros2Car {
 }
 
 /// Options of the bridge: the vehicle's side of the mapping, and the visualisation of our stack. If another stack
-/// drives, only the markers of the objects on the road.
+/// drives, only the objects on the road and its lanes.
 fn options(
     config: &Setup,
     streams: &Streams,
@@ -156,7 +156,7 @@ fn options(
     is_driven: bool,
 ) -> Options {
     let shown = mapping.topics.iter().filter(|topic| {
-        topic.role.purpose() == Purpose::Display && (topic.role == Role::Markers || !is_driven)
+        topic.role.purpose() == Purpose::Display && (show::is_of_the_world(topic.role) || !is_driven)
     });
     let shown: Vec<&str> = shown.map(|topic| topic.name.as_str()).collect();
     let mut options = Options::from_mapping(mapping, Side::Vehicle).sending(&shown);

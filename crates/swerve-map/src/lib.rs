@@ -19,6 +19,7 @@
 
 mod area;
 mod border;
+mod border_line;
 mod crossing;
 mod features;
 mod index;
@@ -34,6 +35,7 @@ mod text;
 
 pub use area::{Area, AreaId, AreaKind};
 pub use border::{Border, BorderError, Borders, Station};
+pub use border_line::{BorderLine, BorderLook};
 pub use crossing::{Crossing, CrossingId};
 pub use features::{Feature, FeatureError, Features};
 pub use index::{LaneHint, LaneIndex};

@@ -167,17 +167,6 @@ impl Route {
         &self.stretches[next.max(1) - 1..]
     }
 
-    /// Speed at arc length `s_m` from which the ego keeps all speed limits, those ahead with a deceleration of
-    /// `brake_mps2`, m/s; infinite without a limit.
-    pub fn speed_limit_mps(&self, s_m: f64, brake_mps2: f64) -> f64 {
-        let ahead = self.stretches_from(s_m).iter();
-        let limits = ahead.filter_map(|x| Some((x.begin_m, x.speed_limit_mps?)));
-        let before = |(begin_m, limit_mps): (f64, f64)| {
-            (limit_mps * limit_mps + 2.0 * brake_mps2 * (begin_m - s_m).max(0.0)).sqrt()
-        };
-        limits.map(before).fold(f64::INFINITY, f64::min)
-    }
-
     /// Distance from arc length `s_m` to the next junction, metres: zero inside one, infinite if none follows.
     pub fn to_junction_m(&self, s_m: f64) -> f64 {
         let next = self.stretches_from(s_m).iter().find(|x| x.in_junction);

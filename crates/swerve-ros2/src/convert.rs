@@ -34,7 +34,7 @@ pub use objects::{Identities, objects_from_ros, objects_to_ros};
 pub use plan::{path_to_ros, plan_from_ros, plan_to_ros};
 pub use pose::{Sensor, edge_to_ros, pose_from_ros, pose_to_ros, transform_from_ros, transform_to_ros};
 pub use report::{VehicleState, accel_to_ros, is_mode_taken, report_to_ros};
-pub use show::{obstacles_to_markers, plan_to_marker};
+pub use show::{map_to_markers, obstacles_to_markers, plan_to_marker};
 pub use state::{
     Beside, ego_from_pose, ego_from_ros, ego_to_ros, ego_to_transform, gnss_from_ros, gnss_to_ros,
     imu_from_ros, imu_to_ros, steering_to_ros, velocity_to_ros,

@@ -266,6 +266,14 @@ impl Road {
         }
     }
 
+    /// Map that the road is part of; `None` for a road that is described in the scenario.
+    pub fn network(&self) -> Option<&Arc<Map>> {
+        match &self.course {
+            Course::Strip(_) => None,
+            Course::Map(course) => Some(&course.map),
+        }
+    }
+
     /// Stop line of a light along a route of the ego, metres; `None` if the light is for other traffic.
     pub fn stop_s_m(&self, light: &TrafficLight, route: &Route) -> Option<f64> {
         match (&self.course, light.signal) {

@@ -10,6 +10,7 @@ use swerve_flow::{
     AnyFeedback, AnyOperator, Feedback, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
     Payload, PayloadType, PortInfo, Source, Taken, Timer, Wire,
 };
+use swerve_map::Map;
 use swerve_msg::RungTaken;
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
@@ -209,6 +210,11 @@ impl Site<'_> {
     /// Scenario and vehicle.
     pub fn surroundings(&self) -> &Surroundings {
         self.surroundings
+    }
+
+    /// All lanes of the scenario's road or map; the lanes of a route are in it.
+    pub fn map(&self) -> Arc<Map> {
+        self.surroundings.scenario.road.map()
     }
 
     /// Operator that publishes the first stream of one of its ports; `None` if the port is not connected.

@@ -1,5 +1,6 @@
 //! Swerve with custom operators, algorithms and a message, which all of its commands know.
 
+mod barriers;
 mod cautious;
 mod clear_ahead;
 mod colourful;
@@ -20,6 +21,7 @@ fn main() -> ExitCode {
         Registry::standard()
             .with::<nearest_ahead::NearestAhead>()
             .with::<slow_down::SlowDown>()
+            .with::<barriers::Barriers>()
             .with_planner::<cautious::Cautious>()
             .with_controller::<pursuit::Pursuit>()
             .with_predictor::<fading::Fading>()

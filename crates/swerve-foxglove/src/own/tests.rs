@@ -55,6 +55,7 @@ fn foxglove() -> Foxglove {
     Foxglove::new(Setup {
         route: Route::uniform(line, 2.0, 2.0),
         lines_m: vec![],
+        map: None,
         shape: VehicleParams::default().shape,
         dead_time: Span::ZERO,
         detectors: Vec::new(),

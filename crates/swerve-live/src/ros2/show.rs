@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 use swerve_flow::{Dispatcher, Event, Observer, Payload};
+use swerve_map::Map;
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{
     Command, EgoState, GateOutput, Gnss, Image, Imu, Obstacle, ObstacleList, Pixels, Plan, PointCloud,
@@ -13,8 +14,8 @@ use swerve_msg::{
 use swerve_ros2::bridge::EndpointId;
 use swerve_ros2::convert::{
     self, Epoch, SteeringGear, VehicleState, accel_to_ros, camera_to_ros, cloud_to_ros, ego_to_ros,
-    ego_to_transform, gnss_to_ros, image_to_ros, imu_to_ros, objects_to_ros, obstacles_to_markers,
-    plan_to_marker, plan_to_ros, report_to_ros,
+    ego_to_transform, gnss_to_ros, image_to_ros, imu_to_ros, map_to_markers, objects_to_ros,
+    obstacles_to_markers, plan_to_marker, plan_to_ros, report_to_ros,
 };
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side};
 use swerve_ros2::msg::geometry_msgs as geo;
@@ -58,9 +59,14 @@ pub(super) fn is_fed(
         // A simulated car has no physical switch.
         (_, Purpose::Switch) => false,
         // The plans of an external stack are not known here.
-        (_, Purpose::Display) => role == Role::Markers || !config.is_driven_over_ros2(),
+        (_, Purpose::Display) => is_of_the_world(role) || !config.is_driven_over_ros2(),
         _ => role.side() == Side::Vehicle,
     }
+}
+
+/// Returns true for visualisation that is not of the stack: the objects on the road, and its lanes.
+pub(super) fn is_of_the_world(role: Role) -> bool {
+    matches!(role, Role::Markers | Role::Lanes)
 }
 
 /// A topic for sending.
@@ -97,6 +103,8 @@ struct Car {
     mapping: Mapping,
     mounts: Mounts,
     vehicle: VehicleParams,
+    /// Lanes of the road or map.
+    map: Arc<Map>,
     jpeg_quality: u8,
     streams: Streams,
     /// Topics of each camera and lidar.
@@ -196,6 +204,7 @@ impl Car {
             mapping: mapping.clone(),
             mounts: mounts.clone(),
             vehicle: pipeline.vehicle.clone(),
+            map: pipeline.scenario.road.map(),
             jpeg_quality: config.log.jpeg_quality,
             has_odometry: streams.carry::<WheelOdometry>(),
             streams,
@@ -250,6 +259,10 @@ impl Car {
             self.has_begun = true;
             let edges = self.mounts.edges(&self.mapping.base_frame, now, EPOCH);
             self.say(Role::TfStatic, move |_| Some(AnyMessage::Tf(edges.clone())));
+            let map = Arc::clone(&self.map);
+            self.say(Role::Lanes, move |topic| {
+                Some(AnyMessage::MarkerArray(map_to_markers(&map, now, EPOCH, &topic.frame)))
+            });
         }
         if self.clock.is_due(now, CLOCK_PERIOD) {
             self.say(Role::Clock, move |_| Some(AnyMessage::Clock(Clock { clock: EPOCH.stamp(now) })));

@@ -69,34 +69,29 @@ fn route_borders_are_those_of_the_drivable_ground_beside_its_lanes() {
 }
 
 #[test]
-fn speed_limits_and_junctions_ahead_count_from_the_lane_at_the_place() {
-    let stretch = |lane, begin_m, limit: Option<f64>, in_junction| Stretch {
+fn junctions_ahead_count_from_the_lane_at_the_place() {
+    let stretch = |lane, begin_m, in_junction| Stretch {
         lane: LaneId(lane),
         begin_m,
-        speed_limit_mps: limit,
+        speed_limit_mps: None,
         in_junction,
     };
     let plain = Route::uniform(line(&[(0.0, 0.0), (300.0, 0.0)]), 2.0, 2.0);
     assert_eq!(plain.stretch_at(5.0), None);
-    assert_eq!((plain.speed_limit_mps(5.0, 2.0), plain.to_junction_m(5.0)), (f64::INFINITY, f64::INFINITY));
-    let stretches = vec![
-        stretch(1, 0.0, Some(10.0), false),
-        stretch(2, 100.0, None, true),
-        stretch(3, 120.0, Some(5.0), false),
-    ];
+    assert_eq!(plain.to_junction_m(5.0), f64::INFINITY);
+    let stretches = vec![stretch(1, 0.0, false), stretch(2, 100.0, true), stretch(3, 120.0, false)];
     let route = Route { stretches, ..plain };
-    // Place, lane, distance to the junction, speed limit with braking at 2 m/s² before the last lane.
-    for (s_m, lane, junction_m, limit_mps) in [
-        (-5.0, 1, 105.0, f64::sqrt(120.0)),
-        (99.0, 1, 1.0, 10.0),
-        (100.0, 2, 0.0, math::hypot(5.0, f64::sqrt(80.0))),
-        (119.0, 2, 0.0, f64::sqrt(29.0)),
-        (120.0, 3, f64::INFINITY, 5.0),
-        (999.0, 3, f64::INFINITY, 5.0),
+    // Place, lane, distance to the junction.
+    for (s_m, lane, junction_m) in [
+        (-5.0, 1, 105.0),
+        (99.0, 1, 1.0),
+        (100.0, 2, 0.0),
+        (119.0, 2, 0.0),
+        (120.0, 3, f64::INFINITY),
+        (999.0, 3, f64::INFINITY),
     ] {
         assert_eq!(route.stretch_at(s_m).map(|x| x.lane), Some(LaneId(lane)), "{s_m}");
         assert_eq!(route.to_junction_m(s_m), junction_m, "{s_m}");
-        assert!((route.speed_limit_mps(s_m, 2.0) - limit_mps).abs() < 1e-9, "{s_m}");
     }
 }
 

@@ -1,5 +1,8 @@
 //! Markers for RViz or Foxglove.
 
+use swerve_core::Time;
+use swerve_geom::Pose2;
+use swerve_map::{BorderLine, BorderLook, Map};
 use swerve_msg::{ActorKind, ObstacleList, Plan};
 
 use super::{Epoch, pose_to_ros};
@@ -48,6 +51,32 @@ pub fn plan_to_marker(plan: &Plan, epoch: Epoch, map: &str) -> Marker {
         points: plan.points.iter().map(point).collect(),
         ..Marker::default()
     }
+}
+
+/// Borders of all lanes of a map, which stay: painted lines white, the others grey, thin inside junctions.
+pub fn map_to_markers(map: &Map, at: Time, epoch: Epoch, frame: &str) -> MarkerArray {
+    let borders = map.border_lines();
+    let marker = |id, looks: &[BorderLook], width_m, grey| {
+        let shown = borders.iter().filter(|line| looks.contains(&line.look));
+        let ends = shown.flat_map(BorderLine::pieces).flatten();
+        let points: Vec<Point> = ends.map(|end| Point { x: end.x_m, y: end.y_m, z: 0.02 }).collect();
+        (!points.is_empty()).then(|| Marker {
+            header: epoch.header(at, frame),
+            ns: "lanes".to_owned(),
+            id,
+            type_: Marker::LINE_LIST,
+            action: Marker::ADD,
+            pose: pose_to_ros(Pose2::default()),
+            scale: Vector3 { x: width_m, y: 0.0, z: 0.0 },
+            color: color(grey, grey, grey),
+            points,
+            ..Marker::default()
+        })
+    };
+    let painted = marker(0, &[BorderLook::Solid, BorderLook::Broken], 0.12, 0.9);
+    let plain = marker(1, &[BorderLook::Plain], 0.12, 0.5);
+    let inside = marker(2, &[BorderLook::InJunction], 0.04, 0.5);
+    MarkerArray { markers: [painted, plain, inside].into_iter().flatten().collect() }
 }
 
 fn color(r: f32, g: f32, b: f32) -> ColorRGBA {

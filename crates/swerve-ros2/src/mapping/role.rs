@@ -119,6 +119,7 @@ roles! {
     Trajectory = "trajectory": Stack, Display, [Trajectory], Qos::DEFAULT, 500.0;
     Path = "path": Stack, Display, [Path], Qos::DEFAULT, 500.0;
     Markers = "markers": Stack, Display, [MarkerArray], Qos::DEFAULT, 500.0;
+    Lanes = "lanes": Stack, Display, [MarkerArray], Qos::LATCHED, 100.0;
 }
 
 impl Role {

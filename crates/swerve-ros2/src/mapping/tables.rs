@@ -49,13 +49,14 @@ macro_rules! vehicles {
 }
 
 /// Topics of all vehicles.
-const COMMON: [Row; 6] = [
+const COMMON: [Row; 7] = [
     row(Role::Clock, "/clock", ""),
     row(Role::Tf, "/tf", ""),
     row(Role::TfStatic, "/tf_static", ""),
     row(Role::Trajectory, "/planning/trajectory", "map"),
     row(Role::Path, "/swerve/path", "map"),
     row(Role::Markers, "/swerve/markers", "map"),
+    row(Role::Lanes, "/swerve/lanes", "map"),
 ];
 
 /// Autoware's names of sensors, localization and vehicle interface.

@@ -56,6 +56,7 @@ impl Marker {
     pub const SPHERE: i32 = 2;
     pub const CYLINDER: i32 = 3;
     pub const LINE_STRIP: i32 = 4;
+    pub const LINE_LIST: i32 = 5;
     pub const TEXT_VIEW_FACING: i32 = 9;
     pub const ADD: i32 = 0;
     pub const DELETE: i32 = 2;

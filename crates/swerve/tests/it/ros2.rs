@@ -146,7 +146,7 @@ fn seconds(header: &Value) -> f64 {
 const RUN: [&str; 6] = ["run", "scenario.toml", "-c", "config.toml", "--out", "out"];
 
 /// Each topic with its type and nominal rate, Hz.
-const TOPICS: [(&str, &str, f64); 20] = [
+const TOPICS: [(&str, &str, f64); 21] = [
     ("/clock", "rosgraph_msgs/Clock", 100.0),
     ("/tf", "tf2_msgs/TFMessage", 100.0),
     ("/tf_static", "tf2_msgs/TFMessage", 0.0),
@@ -167,6 +167,7 @@ const TOPICS: [(&str, &str, f64); 20] = [
     ("/planning/trajectory", "autoware_planning_msgs/Trajectory", 20.0),
     ("/swerve/path", "nav_msgs/Path", 20.0),
     ("/swerve/markers", "visualization_msgs/MarkerArray", 30.0),
+    ("/swerve/lanes", "visualization_msgs/MarkerArray", 0.0),
 ];
 
 #[test]

@@ -163,3 +163,23 @@ fn markers_match_the_poses_of_obstacles_and_plan() {
     assert_eq!((first.pose.position.x, first.pose.position.z, first.scale.x), (20.0, 0.75, 4.5));
     assert_eq!(markers.markers[1].points.len(), 5);
 }
+
+#[test]
+fn markers_of_a_map_are_the_borders_of_its_lanes_and_stay() {
+    use crate::msg::builtin_interfaces::Duration;
+    use crate::msg::visualization_msgs::Marker;
+    use swerve_geom::{Point2, Polyline};
+    use swerve_map::{Borders, Lane, LaneId, LaneMarks, Map, Mark, MarkKind};
+    let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(20.0, 0.0)]).unwrap();
+    let broken = LaneMarks::new(vec![Mark::new(0.0, MarkKind::Broken)], vec![]).unwrap();
+    let lane = Lane { marks: broken, ..Lane::new(LaneId(1), line, Borders::constant(2.0, 1.5)) };
+    let markers = map_to_markers(&Map::new(vec![lane]).unwrap(), Time::ZERO, EPOCH, "map");
+    passes(&markers);
+    let points = |k: usize| markers.markers[k].points.iter().map(|p| (p.x, p.y)).collect::<Vec<_>>();
+    assert_eq!(points(0), [0.0, 3.0, 9.0, 12.0, 18.0, 20.0].map(|x| (x, 2.0)), "strokes");
+    assert_eq!(points(1), [(0.0, -1.5), (20.0, -1.5)]);
+    assert_eq!(markers.markers.len(), 2, "there is no junction");
+    let stays = |marker: &Marker| marker.lifetime == Duration::default() && marker.action == Marker::ADD;
+    assert!(markers.markers.iter().all(stays));
+    assert_ne!(markers.markers[0].id, markers.markers[1].id);
+}
