@@ -100,10 +100,10 @@ pub fn drive_recorded(
         let mut of_egos: Vec<_> =
             measuring.chain(shown).map(|(names, observer)| OfEgo::new(names, observer)).collect();
         let (measuring, shown) = of_egos.split_at_mut(names.len());
-        let each = |of_ego: &'_ mut OfEgo<_>| of_ego as &mut dyn Observer;
-        let mut all: Vec<&mut dyn Observer> = measuring.iter_mut().map(each).collect();
+        let mut all: Vec<&mut dyn Observer> = Vec::new();
+        all.extend(measuring.iter_mut().map(|of_ego| of_ego as &mut dyn Observer));
         all.extend(of_all.iter_mut().map(|observer| &mut **observer as &mut dyn Observer));
-        all.extend(shown.iter_mut().map(each));
+        all.extend(shown.iter_mut().map(|of_ego| of_ego as &mut dyn Observer));
         run(pipeline.graph, &options, all)?
     };
     let mut measured = egos.into_iter().zip(measured);

@@ -306,7 +306,7 @@ fn add_stack(
         .resource
         .iter()
         .map(|(name, resource)| {
-            (name.as_str(), building.graph.resource(&names.operator(name), resource.slots))
+            (name.as_str(), building.graph.resource(names.operator(name), resource.slots))
         })
         .collect();
     for placed in assembly.operators() {

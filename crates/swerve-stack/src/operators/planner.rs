@@ -279,13 +279,11 @@ impl PlannerOperator {
                     return whole;
                 }
             }
-            if plan.status.is_fallback() && !core::ptr::eq(route, emergency) {
-                let over_lines = plan_once(&Request { route: emergency, ..*request });
-                if !over_lines.status.is_fallback() {
-                    return over_lines;
-                }
+            if !plan.status.is_fallback() || core::ptr::eq(route, emergency) {
+                return plan;
             }
-            plan
+            let over_lines = plan_once(&Request { route: emergency, ..*request });
+            if over_lines.status.is_fallback() { plan } else { over_lines }
         };
         let mut plan = plan_for(&request);
         if stop.is_some_and(|stop| !stop.is_fit(&plan, on_route, &self.shape)) {
