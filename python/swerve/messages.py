@@ -272,6 +272,10 @@ class Route(Message):
     """Borders of the drivable ground."""
     lane: Borders | None
     """Borders of its lanes; `None` if all of the ground is one lane."""
+    between_lines: Borders | None
+    """Borders of the ground without crossing lines that must not be crossed; `None` if that is all of the
+    ground.
+    """
     stretches: list[Stretch]
     """Lanes in order; empty without a map."""
 
@@ -377,7 +381,9 @@ class Decision(Message):
     route: int
     """Sequence number of the route."""
     corridor: Borders | None
-    """Borders of the ground to use beside the route's line; `None` for those of the route."""
+    """Borders of the ground to use beside the route's line; `None` for the route's ground between lines that
+    must not be crossed, which plans leave in an emergency only.
+    """
     limits: list[SpeedLimit]
     """Speeds to keep, ordered by arc length."""
     overtake_until_m: float | None
@@ -1029,7 +1035,7 @@ class WorldState(Message):
     ego: EgoTruth
     """The ego vehicle."""
     actors: list[Actor]
-    """All other actors, ordered by identity."""
+    """All other actors, ordered by identity; in a world with several egos, the other egos too."""
     collisions: list[Collision]
     """Contacts that began since the previous step, of the ego and between others. Contacts that exist at the
     start of a run are none.
@@ -1043,6 +1049,8 @@ class WorldState(Message):
 @dataclass(slots=True)
 class EgoTruth(Message):
     """Full state of the ego vehicle."""
+    id: ActorId
+    """Identity in the run: `ActorId::EGO` in a world with one ego."""
     map_from_ego: Transform
     """Pose of the ego frame in the map, three-dimensional."""
     state: EgoState
