@@ -71,7 +71,7 @@ fn lost_car_is_stopped_by_its_gate() {
         assert_eq!(gate.last().unwrap().1, GateMode::Holding(StopCause::PoseLost), "{silence}");
         assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{silence}");
         assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{silence}");
-        let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+        let why = Logged::read(&path, &Registry::standard(), None).unwrap().why(&outcome.metrics).unwrap();
         let told = format!("the safety gate stopped it from {:.2} s on (the pose is lost", stops.as_secs());
         assert!(why.verdict == Verdict::Stopped && why.sentence.contains(&told), "{}", why.sentence);
         let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
@@ -105,7 +105,8 @@ fn car_without_a_pose_is_braked_by_its_controller() {
             assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{settings:?}");
             assert!(outcome.metrics.left_road_at_s.is_none(), "{settings:?}");
             assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{settings:?}");
-            let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+            let why =
+                Logged::read(&path, &Registry::standard(), None).unwrap().why(&outcome.metrics).unwrap();
             let told = format!("it had no pose: none came from {:.2} s on", last.as_secs());
             assert!(why.sentence.contains(&told), "{}", why.sentence);
         }
@@ -122,7 +123,7 @@ fn car_with_a_frozen_pose_is_braked_by_its_controller() {
     let outcome = common::record(&common::config(&[frozen]), &road, &path, 1);
     assert_eq!(outcome.metrics.verdict, Verdict::Stopped);
     assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01);
-    let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+    let why = Logged::read(&path, &Registry::standard(), None).unwrap().why(&outcome.metrics).unwrap();
     assert!(why.sentence.contains("it had no pose: none came from 5.0"), "{}", why.sentence);
 }
 

@@ -92,7 +92,7 @@ fn car_stops_where_its_pose_is_too_uncertain_for_the_lane_and_reports_it() {
     let log = Log::read(&path).unwrap();
     let plans = log.publications("planner").map(|p| p.decode::<Plan>().unwrap().status);
     assert_eq!(plans.last(), Some(PlanStatus::PoseUncertain));
-    let why = Logged::read(&path, &Registry::standard()).unwrap().why(&metrics).unwrap();
+    let why = Logged::read(&path, &Registry::standard(), None).unwrap().why(&metrics).unwrap();
     assert!(why.sentence.starts_with("it stopped because its pose was too uncertain"), "{}", why.sentence);
     // Without the required margin to the edge, the same car continues.
     let config = common::config(
