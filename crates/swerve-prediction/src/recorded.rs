@@ -103,40 +103,6 @@ impl Protocol {
     }
 }
 
-/// Decodes the text of a file, which may be compressed by gzip (RFC 1952): at most 512 MiB.
-///
-/// # Errors
-/// If the bytes are not valid gzip or UTF-8, or the text is too long.
-pub fn text(bytes: Vec<u8>) -> Result<String, String> {
-    const MOST_BYTES: usize = 512 << 20;
-    let plain = match bytes.starts_with(&[0x1f, 0x8b]) {
-        false => bytes,
-        true => {
-            let packed = deflated(&bytes).ok_or("expected a file packed by gzip, found a broken head")?;
-            miniz_oxide::inflate::decompress_to_vec_with_limit(packed, MOST_BYTES).map_err(|error| {
-                format!("packed by gzip, but broken or beyond {MOST_BYTES} bytes: {error}")
-            })?
-        }
-    };
-    let text = String::from_utf8(plain).map_err(|_| "expected text in UTF-8".to_owned())?;
-    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
-}
-
-/// Data after the header of a gzip file.
-fn deflated(bytes: &[u8]) -> Option<&[u8]> {
-    let ([_, _, 8, flags, ..], mut rest) = (bytes, bytes.get(10..)?) else { return None };
-    if flags & 4 != 0 {
-        let size = usize::from(u16::from_le_bytes([*rest.first()?, *rest.get(1)?]));
-        rest = rest.get(2 + size..)?;
-    }
-    for flag in [8, 16] {
-        if flags & flag != 0 {
-            rest = rest.get(rest.iter().position(|byte| *byte == 0)? + 1..)?;
-        }
-    }
-    if flags & 2 != 0 { rest.get(2..) } else { Some(rest) }
-}
-
 fn wrong(line: usize, what: impl Display) -> RecordedError {
     RecordedError { line, what: what.to_string() }
 }

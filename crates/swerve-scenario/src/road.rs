@@ -2,13 +2,16 @@ use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, math};
-use swerve_map::router::{Navigator, Stop};
 use swerve_map::{
     Aspect, Borders, Lane, LaneId, LaneKind, Map, Neighbour, SignalId, SignalPhase, SignalProgram,
 };
 use swerve_msg::{Route, Side, Signal};
 
 use crate::RoadLines;
+
+mod course;
+
+pub use course::{Closure, MapCourse};
 
 /// Ground of a scenario, and the ego's way over it.
 #[derive(Clone, PartialEq, Debug)]
@@ -127,62 +130,6 @@ fn signal_of(aspect: Aspect) -> Signal {
     }
 }
 
-/// A map, and the ego's route over it.
-#[derive(Clone, PartialEq, Debug)]
-pub struct MapCourse {
-    /// File as named in the scenario.
-    pub file: String,
-    /// Text of the file.
-    pub text: Arc<str>,
-    /// The map.
-    pub map: Arc<Map>,
-    /// First route from the start to the goal and beyond.
-    pub route: Route,
-    /// Start, places on the way, and goal.
-    pub stops: Vec<Stop>,
-    /// Places that are closed to traffic, and reported to be.
-    pub closures: Vec<Closure>,
-    /// Slopes on the way that driving on the flat projection neglects; `None` where these are small.
-    pub warning: Option<String>,
-}
-
-/// A place on a lane that is closed to traffic.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Closure {
-    /// The place.
-    pub at: Stop,
-    /// Time from which the closure is reported, seconds.
-    pub reported_s: f64,
-}
-
-/// Largest gap between lanes that is ground too, metres: where their ends are not side by side.
-const GAP_M: f64 = 0.35;
-
-impl MapCourse {
-    /// Returns true if a point is on a drivable lane, or in a gap between lanes.
-    pub fn is_ground(&self, point: Point2) -> bool {
-        let is_drivable = |lane| self.map.lane(lane).is_some_and(|lane| lane.kind.is_drivable());
-        let aside = [[0.0, 0.0], [GAP_M, 0.0], [-GAP_M, 0.0], [0.0, GAP_M], [0.0, -GAP_M]];
-        let places = aside.map(|[x_m, y_m]| Point2::new(point.x_m + x_m, point.y_m + y_m));
-        places.iter().any(|place| self.map.at(*place).any(|at| is_drivable(at.lane)))
-    }
-
-    /// Returns true if a point is on the lane of the destination, at it or beyond.
-    pub fn is_at_goal(&self, point: Point2) -> bool {
-        let Some(goal) = self.stops.last() else { return false };
-        let place = self.map.lane(goal.lane).and_then(|lane| lane.place_of(point));
-        place.is_some_and(|place| place.s_m >= goal.s_m)
-    }
-
-    /// Length of the ego's routes beyond the goal, metres, so that planners know the road ahead.
-    pub const BEYOND_GOAL_M: f64 = 200.0;
-
-    /// Keeps the route of the ego during a drive.
-    pub fn navigator(&self) -> Navigator {
-        Navigator::new(Arc::clone(&self.map), self.route.clone(), &self.stops, Self::BEYOND_GOAL_M)
-    }
-}
-
 /// Height of the pavements on both sides of the drivable ground, metres.
 pub const KERB_M: f64 = 0.12;
 /// Width of the kerbstone, over which the ground rises to the pavement, metres.
@@ -238,10 +185,13 @@ impl Road {
         self.strip().is_none_or(Strip::is_line)
     }
 
-    /// Height of the ground at `d_m` to the left of the line, metres. The drivable ground and the ground behind the
-    /// pavements are in the map plane.
-    pub fn ground_m(&self, d_m: f64) -> f64 {
-        self.strip().map_or(0.0, |strip| strip.ground_m(d_m))
+    /// Height of the ground at a point, `d_m` to the left of the line, metres. The drivable ground and the ground behind
+    /// the pavements are in the map plane.
+    pub fn ground_m(&self, point: Point2, d_m: f64) -> f64 {
+        match &self.course {
+            Course::Strip(strip) => strip.ground_m(d_m),
+            Course::Map(course) => course.ground_m(point),
+        }
     }
 
     /// Route of the ego, with the drivable limits of the scenario.

@@ -181,7 +181,7 @@ impl Simulator {
                 id: actor.id,
                 kind: actor.kind,
                 pose: movement.pose,
-                z_m: self.scenario.road.ground_m(at.d_m),
+                z_m: self.scenario.road.ground_m(movement.pose.point(), at.d_m),
                 extent: actor.extent,
                 velocity_mps: movement.velocity_mps,
             };
@@ -326,7 +326,8 @@ impl Simulator {
     fn placed(&self, i: usize, movement: Movement) -> Placed {
         let line = self.scenario.actors[i].line(self.route().line());
         let at = line.project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
-        Placed { movement, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
+        let z_m = self.scenario.road.ground_m(movement.pose.point(), at.d_m);
+        Placed { movement, z_m, s_m: at.s_m }
     }
 
     /// Instant before the present step.

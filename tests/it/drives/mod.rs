@@ -13,5 +13,6 @@ mod ride;
 mod roads;
 mod sensors;
 mod setting_off;
+mod situations;
 mod story;
 mod traffic_lights;

@@ -3,14 +3,21 @@ use std::path::Path;
 
 use super::*;
 
+/// Data set of a drive of 9 s, one frame every 2 s.
 fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
-    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");
-    // A slow camera: a 9 s drive, one frame every 2 s.
+    data_set_of("person_behind_truck.toml", 2000, out, set)
+}
+
+/// Data set of a shipped scenario with a camera whose focal length is 160 pixels.
+fn data_set_of(scenario: &str, period_ms: u32, out: &Path, set: &[&str]) -> anyhow::Result<()> {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios").join(scenario);
     let file = out.with_extension("toml");
     std::fs::write(
         &file,
-        "[camera.eye]\nwidth_px = 320\nheight_px = 120\nat_m = [1.7, 0.0, 1.6]\nperiod_ms = 2000\n\
-         outputs = ['rgb', 'depth', 'semantic', 'instance']\n",
+        format!(
+            "[camera.eye]\nwidth_px = 320\nheight_px = 120\nat_m = [1.7, 0.0, 1.6]\nperiod_ms = {period_ms}\n\
+             outputs = ['rgb', 'depth', 'semantic', 'instance']\n"
+        ),
     )?;
     run(
         &DatasetArgs {
@@ -89,6 +96,56 @@ fn labels_boxes_and_masks_agree_with_the_pixels() {
     std::fs::remove_file(out.join(".dataset.json")).unwrap();
     let error = data_set(&out, &[]).unwrap_err().to_string();
     assert!(error.contains("expected an empty folder"), "{error}");
+}
+
+/// Classes of the pixels of an image of `data_set_of`, by rows.
+fn classes(out: &Path, sample: usize) -> Vec<u8> {
+    let file = std::fs::File::open(out.join(format!("kitti/training/semantic/{sample:06}.png"))).unwrap();
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+    let mut pixels = vec![0; 320 * 120];
+    assert_eq!(reader.next_frame(&mut pixels).unwrap().buffer_size(), pixels.len(), "8 bits each");
+    pixels
+}
+
+#[test]
+fn lanes_lights_and_cars_of_a_map_have_their_labels() {
+    let [road, pavement, light, car] = [7, 8, 19, 26];
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("set");
+    data_set_of("maps/left_turn.toml", 1000, &out, &[]).unwrap();
+    let index = std::fs::read_to_string(out.join("index.csv")).unwrap();
+    let images: Vec<Vec<u8>> = (0..index.lines().count() - 1).map(|sample| classes(&out, sample)).collect();
+    assert!((19..=30).contains(&images.len()), "{index}");
+    // Row 118 is 4.4 m before the camera, and 140 columns from the middle are 3.9 m: lanes are 3.5 m wide, with a pavement
+    // on the right. The junction begins after 98 m, more than 7 s.
+    let near = |image: &[u8], column: usize| image[118 * 320 + column];
+    assert!(images.iter().all(|image| near(image, 160) == road), "the ego is on its lane");
+    for image in &images[..6] {
+        assert_eq!([20, 300].map(|column| near(image, column)), [road, pavement]);
+    }
+    // Lamps come nearer, and are behind the ego after the turn.
+    let count = |image: &[u8], class: u8| image.iter().filter(|pixel| **pixel == class).count();
+    let lamps: Vec<usize> = images.iter().map(|image| count(image, light)).collect();
+    assert!(lamps[..7].iter().all(|pixels| *pixels > 0) && lamps[6] > 4 * lamps[2], "{lamps:?}");
+    assert_eq!(lamps.last(), Some(&0), "{lamps:?}");
+    // A car of 1.8 x 1.5 m has 10 pixels at 83 m. The first is as near after 4.7 s, and passes after 10 s; the second
+    // follows 30 m behind, slower relative to the waiting ego.
+    let coco = std::fs::read_to_string(out.join("coco/instances.json")).unwrap();
+    let coco: serde_json::Value = serde_json::from_str(&coco).unwrap();
+    let mut of_cars = BTreeMap::<u64, usize>::new();
+    for annotation in coco["annotations"].as_array().unwrap() {
+        *of_cars.entry(annotation["track_id"].as_u64().unwrap()).or_default() += 1;
+    }
+    assert!(of_cars.keys().eq(&[1, 2]) && of_cars.values().all(|n| (4..=7).contains(n)), "{of_cars:?}");
+    let mut labels = 0;
+    for (sample, image) in images.iter().enumerate() {
+        let text =
+            std::fs::read_to_string(out.join(format!("kitti/training/label_2/{sample:06}.txt"))).unwrap();
+        assert!(text.lines().all(|line| line.starts_with("Car ")), "{text}");
+        assert!(text.is_empty() || count(image, car) >= 10 * text.lines().count(), "{sample}: {text}");
+        labels += text.lines().count();
+    }
+    assert_eq!(labels, of_cars.values().sum::<usize>());
 }
 
 #[test]

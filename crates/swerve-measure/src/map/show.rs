@@ -11,7 +11,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_map_io::commonroad::{self, Centers};
 use swerve_map_io::format::Format;
 use swerve_map_io::{FILE_MAX, lanelet2, sumo};
-use swerve_text::{decoded, read_given};
+use swerve_text::{read_given, unpacked};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct ShowArgs {
@@ -75,13 +75,9 @@ pub(super) fn show(args: &ShowArgs) -> anyhow::Result<String> {
 
 /// Reads a file, which may be packed by gzip.
 fn read(args: &ShowArgs) -> anyhow::Result<Source> {
-    const GZIP: [u8; 2] = [0x1f, 0x8b];
     let file = args.file.display().to_string();
     let bytes = read_given(&args.file, FILE_MAX).with_context(|| format!("reading {file}"))?;
-    let text = match bytes.starts_with(&GZIP) {
-        true => swerve_prediction::recorded::text(bytes).map_err(|message| anyhow!("{file}: {message}"))?,
-        false => decoded(bytes).map_err(|error| anyhow!("{file}: {error}"))?,
-    };
+    let text = unpacked(bytes).map_err(|message| anyhow!("{file}: {message}"))?;
     let title = args.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok(Source { file, title, bytes: text.len(), text })
 }

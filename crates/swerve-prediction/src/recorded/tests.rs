@@ -81,21 +81,6 @@ fn invalid_row_is_reported_with_its_line() {
 }
 
 #[test]
-fn gzip_text_is_decoded_and_damaged_gzip_reported() {
-    // `printf '0 1 2 3\n' | gzip -n`, and the same with a file name.
-    let body = [0x33, 0x50, 0x30, 0x54, 0x30, 0x52, 0x30, 0xe6, 0x02, 0x00, 0, 0, 0, 0, 8, 0, 0, 0];
-    let head = |flags| vec![0x1f, 0x8b, 8, flags, 0, 0, 0, 0, 0, 3];
-    for name in [head(0), [head(8), b"a.txt\0".to_vec()].concat()] {
-        assert_eq!(text([name, body.to_vec()].concat()).unwrap(), "0 1 2 3\n");
-    }
-    assert_eq!(text(b"plain".to_vec()).unwrap(), "plain");
-    for broken in [vec![0x1f, 0x8b], head(8), [head(0), vec![0xff; 9]].concat()] {
-        assert!(text(broken).unwrap_err().contains("gzip"));
-    }
-    assert!(text(vec![0xff]).unwrap_err().contains("UTF-8"));
-}
-
-#[test]
 fn made_recording_moves_like_traffic() {
     let recording = made(1, 12);
     assert_eq!(recording, made(1, 12), "the same twice");

@@ -10,7 +10,7 @@ use swerve_map::router::{self, Stop};
 use swerve_map::{Map, Signal};
 use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
-use swerve_text::{Range, TableReader, decoded, nearest, read_bytes};
+use swerve_text::{Range, TableReader, nearest, read_bytes, unpacked};
 
 use super::{ANGLE, PLACE, SPEED, program};
 use crate::{Closure, Course, EgoStart, MapCourse, Road, SignalProgram, TrafficLight};
@@ -73,12 +73,12 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Lo
     }
 }
 
-/// Text of a map file, by its path from the folder of the scenario's file.
+/// Text of a map file, which may be packed by gzip, by its path from the folder of the scenario's file.
 fn text_beside(scenario: &str, name: &str) -> Result<Arc<str>, String> {
     let path = Path::new(scenario).parent().unwrap_or(Path::new("")).join(name);
     let wrong = |error: &dyn core::fmt::Display| format!("{} cannot be read: {error}", path.display());
     let bytes = read_bytes(&path, FILE_MAX).map_err(|error| wrong(&error))?;
-    Ok(decoded(bytes).map_err(|error| wrong(&error))?.into())
+    Ok(unpacked(bytes).map_err(|error| wrong(&error))?.into())
 }
 
 /// Names of signals, or of the controllers of signals, and the phases that they show.

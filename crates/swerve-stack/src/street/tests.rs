@@ -2,9 +2,9 @@ use std::path::Path;
 
 use swerve_core::Span;
 use swerve_geom::{FrenetPoint, Pose2, Vector2};
-use swerve_msg::{ActorId, Extent};
+use swerve_msg::{ActorId, Command, Extent};
 use swerve_scenario::Scenario;
-use swerve_scene::SemanticClass;
+use swerve_scene::{MapGround, SemanticClass};
 use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 
@@ -113,13 +113,50 @@ fn actors_stand_on_the_drawn_ground() {
         // Grass is six centimetres below the plane.
         for d_m in beside.chain([0.0, strip.left_m - 0.3, 0.3 - strip.right_m]) {
             let drawn_m = drawn_m(&street, line.to_map(FrenetPoint { s_m: 31.3, d_m }));
-            let error_m = drawn_m - road.ground_m(d_m);
+            let error_m = drawn_m - road.ground_m(line.to_map(FrenetPoint { s_m: 31.3, d_m }), d_m);
             assert!(error_m.abs() < 0.07, "{} at {d_m}: drawn at {drawn_m}", scenario.name);
         }
         let params = SimParams { dt: Span::from_ms(5), vehicle: VehicleParams::default() };
         for actor in &Simulator::exact(scenario.clone(), &params).unwrap().state().actors {
-            let ground_m = road.ground_m(line.project(actor.pose.point()).d_m);
+            let at = actor.pose.point();
+            let ground_m = road.ground_m(at, line.project(at).d_m);
             assert_eq!(actor.z_m, ground_m, "{}: actor {}", scenario.name, actor.id.0);
         }
+    }
+}
+
+#[test]
+fn people_on_a_map_stand_on_the_drawn_ground() {
+    // The lane is 3.5 m wide, with a pavement of 2 m on the right, then grass.
+    let person = |name: &str, s_m: f64, d_m: f64| {
+        format!(
+            "[[actor]]\nname = {name:?}\nkind = \"pedestrian\"\n\
+             start = {{ road = \"4\", lane = -1, s_m = {s_m:?} }}\nd_m = {d_m:?}\n"
+        )
+    };
+    let text = [
+        "name = \"people\"\n[map]\nfile = \"crossing.xodr\"\n[ego]\n\
+         start = { road = \"4\", lane = -1, s_m = 50.0 }\ngoal = { road = \"2\", lane = 1, s_m = 60.0 }\n"
+            .to_owned(),
+        person("on the pavement", 80.0, -3.0),
+        person("on the road", 90.0, -1.0),
+        person("on the grass", 100.0, -6.0),
+    ];
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/maps/people.toml");
+    let scenario = Scenario::parse(file.to_str().unwrap(), &text.concat()).unwrap();
+    let (map, street) =
+        (scenario.road.map(), Street::new(&scenario, &Shape::default(), WeatherPreset::default(), 1));
+    let params = SimParams { dt: Span::from_ms(5), vehicle: VehicleParams::default() };
+    let mut simulator = Simulator::exact(scenario, &params).unwrap();
+    for _ in 0..2 {
+        let people = &simulator.state().actors;
+        assert_eq!(people.iter().map(|person| person.z_m).collect::<Vec<_>>(), [0.12, 0.0, 0.0]);
+        for person in people {
+            let at = person.pose.point();
+            let error_m = drawn_m(&street, at) - person.z_m;
+            assert!(error_m.abs() < 0.07, "{}: {error_m}", person.id.0);
+            assert!((MapGround::new(&map).height_m(at) - person.z_m).abs() < 1e-6);
+        }
+        simulator.step(Command::default());
     }
 }

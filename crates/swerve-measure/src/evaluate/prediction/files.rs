@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_map::Map;
 use swerve_map_io::commonroad::{self, Centers};
-use swerve_prediction::recorded::{Recording, commonroad_csv, eth_ucy, text};
+use swerve_prediction::recorded::{Recording, commonroad_csv, eth_ucy};
 use swerve_report::files::{entries, read_whole};
 
 #[expect(missing_docs, reason = "in help and schemas the keys that take it describe it")]
@@ -108,7 +108,7 @@ pub fn file(path: &Path, format: Format) -> anyhow::Result<File> {
 }
 
 fn unpacked(path: &Path) -> anyhow::Result<String> {
-    text(read_whole(path)?).map_err(|error| anyhow!("{}: {error}", path.display()))
+    swerve_text::unpacked(read_whole(path)?).map_err(|error| anyhow!("{}: {error}", path.display()))
 }
 
 /// Adds lanes from the folder `maps` beside the file: a scenario gets the map of its own name, or is moved onto the

@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use swerve_text::unpacked;
+
 use super::*;
-use crate::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
+use crate::recorded::{Protocol, Recording, commonroad_csv, eth_ucy};
 
 /// A folder of recorded tracks, if available.
 fn folder(name: &str) -> Option<PathBuf> {
@@ -124,7 +126,7 @@ fn other_predictors_keep_their_errors_on_pedestrians() {
 fn constant_velocity_on_vehicles_matches_an_independent_program() {
     let Some(folder) = folder("ngsim_commonroad") else { return };
     let recordings =
-        commonroad_csv(&text(std::fs::read(folder.join("US101.csv.gz")).unwrap()).unwrap()).unwrap();
+        commonroad_csv(&unpacked(std::fs::read(folder.join("US101.csv.gz")).unwrap()).unwrap()).unwrap();
     let protocol = Protocol { stride: 10, ..Protocol::whole(30, 50) };
     let of = |recording| distances_m(recording, &protocol, PredictorName::ConstantVelocity);
     let windows: Vec<Vec<f64>> = recordings.values().flat_map(of).collect();

@@ -189,6 +189,33 @@ fn map_is_read_once_and_its_text_makes_the_same_scenario() {
     assert!(scenario.road.route().borders().contains(FrenetPoint { d_m: 0.0, ..place }));
 }
 
+/// A file packed by gzip: stored blocks.
+fn packed(text: &str) -> Vec<u8> {
+    let mut packed = vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3];
+    let blocks: Vec<&[u8]> = text.as_bytes().chunks(0xffff).collect();
+    for (k, block) in blocks.iter().enumerate() {
+        let length = u16::try_from(block.len()).unwrap();
+        packed.push(u8::from(k + 1 == blocks.len()));
+        packed.extend([length.to_le_bytes(), (!length).to_le_bytes()].concat());
+        packed.extend(*block);
+    }
+    packed
+}
+
+#[test]
+fn map_packed_by_gzip_is_the_same_map() {
+    let plain = sound("crossing.xodr", &format!("{START}\n{GOAL}"), "");
+    let Ground::Map(course) = &plain.road.course else { panic!("it is on a map") };
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("crossing.xodr.gz"), packed(&course.text)).unwrap();
+    let text = plain.text.replace("crossing.xodr", "crossing.xodr.gz");
+    let parsed = Scenario::parse(folder.path().join("a.toml").to_str().unwrap(), &text).unwrap();
+    assert_eq!(parsed.road.line(), plain.road.line());
+    std::fs::write(folder.path().join("crossing.xodr.gz"), &packed(&course.text)[..999]).unwrap();
+    let broken = Scenario::parse(folder.path().join("a.toml").to_str().unwrap(), &text).unwrap_err();
+    assert!(broken.to_string().contains("packed by gzip, but broken"), "{broken}");
+}
+
 #[test]
 fn wrong_places_are_one_clear_error_each() {
     let both = format!("{START}\n{GOAL}");
