@@ -105,7 +105,8 @@ fn car_without_a_pose_is_braked_by_its_controller() {
             assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{settings:?}");
             assert!(outcome.metrics.left_road_at_s.is_none(), "{settings:?}");
             assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{settings:?}");
-            let why = Logged::read(&path, &Registry::standard(), None).unwrap().why(&outcome.metrics).unwrap();
+            let why =
+                Logged::read(&path, &Registry::standard(), None).unwrap().why(&outcome.metrics).unwrap();
             let told = format!("it had no pose: none came from {:.2} s on", last.as_secs());
             assert!(why.sentence.contains(&told), "{}", why.sentence);
         }
