@@ -437,7 +437,7 @@ impl Controller for LawController {
         let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
-        self.rise.advance(input, &self.params.comfort_accel, self.accel_mps2, dt_s);
+        self.rise.advance(&self.params.comfort_accel, &ego, self.accel_mps2, dt_s);
         let status = self.load(input, is_seen);
         let here = self.here(input, status);
         let mut report = None;

@@ -108,14 +108,14 @@ pub struct ComfortAccelParams {
     /// Largest rate at which the acceleration rises while the plan is comfortable, m/s³. Source: within nuPlan's 4.13.
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub rise_mps3: f64,
-    /// Rise that is possible at once, m/s²: measured speeds are noisy.
-    #[schemars(range(min = 0.0, max = 20.0))]
-    pub at_once_mps2: f64,
+    /// Time constant with which the car's acceleration follows its commands, seconds. Source: 0.2 s of the drivetrain.
+    #[schemars(range(min = 0.001, max = 5.0))]
+    pub lag_s: f64,
 }
 
 impl Default for ComfortAccelParams {
     fn default() -> Self {
-        Self { most_mps2: 2.2, rise_mps3: 3.6, at_once_mps2: 0.2 }
+        Self { most_mps2: 2.2, rise_mps3: 3.6, lag_s: 0.2 }
     }
 }
 
