@@ -219,8 +219,9 @@ fn localizer_of_another_crate_is_used_by_name() {
     let exact = ["sensing.gnss.noise_m=0", "sensing.gnss.bias_m=0"];
     let off_m = |metrics: &Metrics| metrics.localization.as_ref().unwrap().max_m;
     let (metrics, pulled) = (drive(&[]), drive(&["operator.localizer.pull=0.05"]));
-    assert!(off_m(&drive(&exact)) < 0.3, "{}", off_m(&drive(&exact)));
-    assert!(off_m(&metrics) > 0.3 && off_m(&pulled) != off_m(&metrics));
+    let exact_m = off_m(&drive(&exact));
+    assert!(exact_m < 0.35 && off_m(&metrics) > exact_m, "{exact_m}, {}", off_m(&metrics));
+    assert!(off_m(&pulled) != off_m(&metrics));
     assert_eq!(p50_ms(&drive(&["operator.localizer.runtime={ fixed_ms = 3 }"]), "localizer"), 3.0);
     let key = problem(&[named, "operator.localizer.pul=1"]);
     assert!(key.ends_with("unknown key; did you mean `pull`?"), "{key}");
