@@ -59,7 +59,7 @@ pub(super) fn route(map: &Map, way: &Way, beyond_m: f64) -> Result<(Route, [f64;
         let (begin, end) = spread(map, &rows, k, change);
         let run = run(map, &rows[begin..end], rows[change].across);
         let from_m = if begin == 0 { way.ends_m[0] + BEFORE_CHANGE_M } else { 0.0 };
-        add_change(map, &mut parts, &run, from_m)?;
+        last_begin_m = add_change(map, &mut parts, &run, from_m)?;
         k = end;
     }
     let last = rows.last().map(|row| row.to);
@@ -138,13 +138,15 @@ fn run<'m>(map: &'m Map, rows: &[Row<'m>], across: i32) -> Vec<[&'m Lane; 2]> {
     rows.iter().map(pair).collect()
 }
 
-/// Adds the move from lane to lane, which begins at least `from_m` metres into the run.
-fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> Result<(), RouteError> {
+/// Adds the move from lane to lane, which begins at least `from_m` metres into the run. Gives the arc length at which the
+/// last lanes of the run begin.
+fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> Result<f64, RouteError> {
     let length_m: f64 = run.iter().map(|[from, _]| from.line.length()).sum();
     let begin_m = crossable_m(run, from_m.min(0.5 * length_m), length_m);
     let over_m = CHANGE_LENGTH_M.min(length_m - begin_m);
-    let mut row_m = 0.0;
+    let (mut row_m, mut last_begin_m) = (0.0, parts.length_m);
     for &[from, to] in run {
+        last_begin_m = parts.length_m;
         let row_length_m = from.line.length();
         let share = |s_m: f64| smooth(((row_m + s_m - begin_m) / over_m).clamp(0.0, 1.0));
         let count = (row_length_m / SAMPLE_M).ceil().max(1.0);
@@ -175,7 +177,7 @@ fn add_change(map: &Map, parts: &mut Parts, run: &[[&Lane; 2]], from_m: f64) -> 
         parts.add(&points[1..], line.length(), &beside);
         row_m += row_length_m;
     }
-    Ok(())
+    Ok(last_begin_m)
 }
 
 /// Place from which a move over [`CHANGE_LENGTH_M`] crosses no line that must not be crossed, metres into the run: the

@@ -134,3 +134,24 @@ fn change_crosses_where_the_line_is_broken() {
     assert_eq!(find(&lined(&[0, 1, 2]), stop(1, 10.0), stop(6, 50.0), &[]), None);
     assert_eq!(find(&lined(&[1, 2]), stop(3, 10.0), stop(6, 50.0), &[]), None);
 }
+
+/// The goal is on the last lane of a change over several rows: farther along it than the change is long.
+#[test]
+fn goal_on_the_last_lane_of_a_change_is_where_it_is_on_the_road() {
+    let lanes = motorway().lanes().to_vec().into_iter().map(|lane| match lane.id.0 {
+        // Both lanes of the last row go on for 300 m.
+        4 | 5 => {
+            let y_m = lane.line.points()[0].y_m;
+            let line = Polyline::new(&[Point2::new(80.0, y_m), Point2::new(380.0, y_m)]).unwrap();
+            Lane { line, successors: Vec::new(), ..lane }
+        }
+        _ => lane,
+    });
+    let map = Map::new(lanes.filter(|lane| lane.id.0 != 6).collect()).unwrap();
+    for goal_s_m in [20.0, 100.0, 290.0] {
+        let (route, [start_m, goal_m]) = over(&map, (1, 10.0), (4, goal_s_m), 0.0);
+        let goal = route.unproject(FrenetPoint { s_m: goal_m, d_m: 0.0 });
+        assert_eq!(start_m, 10.0);
+        assert!((goal.x_m - 80.0 - goal_s_m).abs() < 0.1, "{goal_s_m}: {goal:?}");
+    }
+}
