@@ -2,8 +2,9 @@
 //! Files of recorded tracks, plain or packed by gzip, as both formats have them; who is in them is foretold, and played at
 //! another speed.
 
-use swerve_prediction::recorded::{Protocol, RecordedTrack, Recording, commonroad_csv, eth_ucy, text};
+use swerve_prediction::recorded::{Protocol, RecordedTrack, Recording, commonroad_csv, eth_ucy};
 use swerve_prediction::{Ground, Horizon, PredictorName, predict};
+use swerve_text::unpacked;
 
 /// By one of the predictors, which the size of the file draws.
 fn foretold(recording: &Recording, size: usize) {
@@ -15,7 +16,7 @@ fn foretold(recording: &Recording, size: usize) {
 }
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let Ok(text) = text(bytes.to_vec()) else { return };
+    let Ok(text) = unpacked(bytes.to_vec()) else { return };
     let people = eth_ucy(&text).into_iter();
     for recording in people.chain(commonroad_csv(&text).into_iter().flatten().map(|(_, one)| one)) {
         foretold(&recording, bytes.len());
