@@ -16,7 +16,7 @@ pub enum BorderLook {
     Solid,
     /// Broken lines or dots.
     Broken,
-    /// Nothing painted or built, or unknown.
+    /// No paint and no structure, or unknown.
     Plain,
     /// Inside a junction, where nothing is painted.
     InJunction,
