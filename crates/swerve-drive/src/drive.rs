@@ -20,6 +20,8 @@ use crate::rungs::Rungs;
 /// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
+    /// Name of the ego; the first, if there are several.
+    pub ego: String,
     /// Metrics.
     pub metrics: Metrics,
     /// Digest of the run; equal for identical runs.
@@ -107,13 +109,14 @@ pub fn drive_recorded(
         run(pipeline.graph, &options, all)?
     };
     let mut measured = egos.into_iter().zip(measured);
-    let (_, first) = measured.next().context("a run has an ego")?;
+    let (ego, first) = measured.next().context("a run has an ego")?;
     let other = |(ego, measured): (String, Measured)| OtherOutcome {
         ego,
         metrics: measured.evaluation.metrics(),
         road_margin_m: measured.road_margin_m,
     };
     Ok(Outcome {
+        ego,
         metrics: first.evaluation.metrics(),
         digest: report.digest,
         road_margin_m: first.road_margin_m,
@@ -135,6 +138,27 @@ pub fn record_run_times(pipeline: &mut Pipeline, log: &Log, takes: impl Fn(&str)
 }
 
 impl Outcome {
+    /// The drive that ended worst: with a collision, off the road, or short of its end; the first of several. Its ego is
+    /// named if the run has several.
+    pub fn worst(&self) -> (Option<&str>, &Metrics) {
+        let badness = |metrics: &Metrics| match metrics.verdict {
+            Verdict::Avoided | Verdict::Completed => 0,
+            Verdict::Stopped => 1,
+            Verdict::Timeout => 2,
+            Verdict::Unfinished => 3,
+            Verdict::LeftRoad => 4,
+            Verdict::Collision => 5,
+        };
+        let first = (!self.others.is_empty()).then_some(self.ego.as_str());
+        let others = self.others.iter().map(|other| (Some(other.ego.as_str()), &other.metrics));
+        others.fold(
+            (first, &self.metrics),
+            |worst, next| {
+                if badness(next.1) > badness(worst.1) { next } else { worst }
+            },
+        )
+    }
+
     /// Lists the deviations from the expected result, which is that of every ego.
     pub fn broken(&self, expected: &Expectation) -> Vec<String> {
         let first = broken((&self.metrics, self.road_margin_m), expected);

@@ -3,7 +3,7 @@
 use anyhow::Context as _;
 use swerve_core::Time;
 use swerve_flow::{Dropped, Event, MissEvent, Observer, Publication, StepEnd, StepStart};
-use swerve_log::{Log, View, Views};
+use swerve_log::{Log, PublicationRecord, View, Views};
 use swerve_msg::ActorId;
 use swerve_msg::truth::WorldState;
 use swerve_scenario::Scenario;
@@ -13,7 +13,8 @@ use swerve_text::did_you_mean;
 
 /// A recorded run as one ego took part in it.
 pub struct EgoRun {
-    /// Records of its stack, and of the world in its view, under the names of its assembly.
+    /// Records of its stack, and of the world in its view, under the names of its assembly, until the scenario is over for
+    /// this ego.
     pub log: Log,
     /// Configuration of its stack.
     pub setup: Setup,
@@ -50,6 +51,13 @@ pub fn of_ego(
     let world = assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
     let names = Namespace::new(name, id == ActorId::EGO, world);
     let log = log.part(|name| names.own(name).map(str::to_owned));
+    let is_over =
+        |record: &&PublicationRecord| record.decode::<WorldState>().is_ok_and(|w| w.ended.is_some());
+    let over = log.publications(world).find(is_over).map(|record| record.header.visible_at);
+    let log = match over {
+        Some(over) => log.until(over),
+        None => log,
+    };
     let scenario = drawn(setup, scenario).of_ego(id).context("it is one of the egos")?;
     let scenario = scenario.alone(&setup.sim.vehicle.shape);
     Ok(Some(EgoRun { log, setup: setup_of_ego(setup, id), scenario }))

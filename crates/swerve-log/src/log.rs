@@ -80,15 +80,7 @@ impl Log {
     /// instant is incomplete; 1 ns before the last record if the log was cut off; the start of the run without
     /// records.
     pub fn whole_until(&self) -> Time {
-        let at = |record: &Record| match record {
-            Record::Publication(p) => Some(p.header.visible_at),
-            Record::Watermark(w) => Some(w.visible_at),
-            Record::Step(s) => Some(s.end),
-            Record::Miss(m) => Some(m.at),
-            Record::Drop(d) => Some(d.at),
-            Record::Unfinished(_) | Record::Decision(_) => None,
-        };
-        let last = || self.records.iter().rev().find_map(at);
+        let last = || self.records.iter().rev().find_map(Record::at);
         match &self.end {
             Some(end) if end.failure().is_none() => end.at,
             Some(end) => end.at - Span::from_ns(1),
@@ -130,6 +122,16 @@ impl Log {
             streams: streams.iter().flatten().cloned().collect(),
             records,
         }
+    }
+
+    /// The log up to an instant, without steps that were unfinished at its end.
+    #[must_use]
+    pub fn until(mut self, end: Time) -> Self {
+        self.records.retain(|record| match record {
+            Record::Decision(_) => true,
+            record => record.at().is_some_and(|at| at <= end),
+        });
+        self
     }
 
     /// Messages of one stream, in order.

@@ -207,6 +207,20 @@ pub enum Record {
     Decision(DecisionRecord),
 }
 
+impl Record {
+    /// Instant at which it took effect; `None` for unfinished steps and decisions.
+    pub fn at(&self) -> Option<Time> {
+        match self {
+            Self::Publication(p) => Some(p.header.visible_at),
+            Self::Watermark(w) => Some(w.visible_at),
+            Self::Step(s) => Some(s.end),
+            Self::Miss(m) => Some(m.at),
+            Self::Drop(d) => Some(d.at),
+            Self::Unfinished(_) | Self::Decision(_) => None,
+        }
+    }
+}
+
 impl PublicationRecord {
     /// Decodes the payload as a `T`.
     pub fn decode<T: DeserializeOwned>(&self) -> Result<T, LogError> {

@@ -201,6 +201,17 @@ pub enum Motion {
     },
 }
 
+impl Motion {
+    /// Largest speed, m/s.
+    pub fn fastest_mps(&self) -> f64 {
+        match self {
+            Self::Wait { .. } => 0.0,
+            Self::Walk { speed_mps, .. } | Self::Path { speed_mps, .. } => *speed_mps,
+            Self::Drive { speeds, .. } => speeds.iter().map(|point| point.speed_mps).fold(0.0, f64::max),
+        }
+    }
+}
+
 /// A direction relative to the road.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Direction {

@@ -283,7 +283,7 @@ fn end(top: &TableReader<'_>, names: &[String]) -> End {
         let near = still.text_if_any("near").and_then(|name| {
             let found = identity(&name, names);
             if found.is_none() {
-                still.report("near", unknown_actor(&name, names, false));
+                still.report("near", unknown_actor(&name, names, &[]));
             }
             found
         });
@@ -318,10 +318,11 @@ fn identity(name: &str, names: &[String]) -> Option<ActorId> {
     (1..).zip(names).find(|(_, known)| *known == name).map(|(k, _)| ActorId(k))
 }
 
-/// Message for a name that matches no actor.
-fn unknown_actor(name: &str, names: &[String], ego_too: bool) -> String {
-    let known = names.iter().map(String::as_str).chain(ego_too.then_some("ego"));
-    let known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();
+/// Message for a name that matches no actor, nor a name of the first ego if those are given.
+fn unknown_actor(name: &str, names: &[String], egos: &[&str]) -> String {
+    let known = names.iter().map(String::as_str).chain(egos.iter().copied());
+    let mut known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();
+    known.dedup();
     match nearest(name, known.iter().copied()) {
         Some(near) => format!("unknown actor \"{name}\"; did you mean `{near}`?"),
         None if known.is_empty() => format!("unknown actor \"{name}\"; the scenario has none"),

@@ -1,6 +1,8 @@
 //! Latency budget: the largest added latency at which a run still ends well.
 
 use swerve_drive::drive;
+use swerve_eval::Metrics;
+use swerve_msg::truth::Verdict;
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 
@@ -14,16 +16,23 @@ pub(super) fn largest_latency(
     scenario: &Scenario,
     budget: &Budget,
 ) -> anyhow::Result<CellResult> {
-    let mut result = CellResult::blank(cell, "collision");
-    result.budget_ms = edge(budget, |added_ms| {
+    let mut without = None;
+    let budget_ms = edge(budget, |added_ms| {
         let mut config = config.clone();
         config.planning.added_latency_ms += added_ms;
-        Ok(drive(&config, scenario)?.metrics.verdict.is_success())
+        let outcome = drive(&config, scenario)?;
+        let (_, metrics) = outcome.worst();
+        without.get_or_insert(metrics.verdict);
+        Ok(ends_well(metrics))
     })?;
-    if result.budget_ms.is_some() {
-        result.verdict = "avoided".into();
-    }
-    Ok(result)
+    // The first drive is the one without added latency.
+    let verdict = without.map_or("collision", Verdict::name);
+    Ok(CellResult { budget_ms, ..CellResult::blank(cell, verdict) })
+}
+
+/// Returns true if the drive reached its end, or stands before someone who is in its way.
+fn ends_well(metrics: &Metrics) -> bool {
+    metrics.verdict.is_success() || metrics.verdict == Verdict::Stopped && metrics.stands_before.is_some()
 }
 
 /// Searches for the largest good value below the first bad one, ms: a scan from zero in fixed steps up to the maximum,

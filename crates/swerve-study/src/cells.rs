@@ -12,14 +12,16 @@ use swerve_scenario::Expectation;
 use swerve_text::{FILE_MAX, read_string};
 
 use super::grid::{Cell, Study};
-use super::result::{AS_EXPECTED, CellResult, NOT_AS_EXPECTED};
+use super::result::{AS_EXPECTED, CellResult, EGO, NOT_AS_EXPECTED};
 use super::table;
 
 impl CellResult {
-    /// Result of a drive, compared with its scenario's expectations.
+    /// Result of a drive, compared with its scenario's expectations. Of several egos it has the metrics of the one that
+    /// fared worst.
     pub(crate) fn of(cell: &Cell, outcome: &Outcome, expected: Option<&Expectation>) -> Self {
-        let metrics = &outcome.metrics;
+        let (ego, metrics) = outcome.worst();
         let mut texts = table::texts(metrics);
+        texts.extend(ego.map(|ego| (EGO.to_owned(), ego.to_owned())));
         if let Some(expected) = expected {
             let broken = outcome.broken(expected);
             texts.insert(AS_EXPECTED.into(), broken.is_empty().to_string());

@@ -125,6 +125,7 @@ fn told(square: &Square) -> (String, Vec<String>) {
         (_, 0) if square.failed > 0 => (square.text(), Vec::new()),
         (_, 0) => ("not run".to_owned(), Vec::new()),
         (Some([median, range]), _) => (median, core::iter::once(format!("{range} ms")).chain(rest).collect()),
+        (None, _) if square.seeks_budget => ("none".to_owned(), rest.collect()),
         (None, runs) => {
             let [hit_nothing, on_road] = [square.no_collision, square.on_road].map(|n| interval(n, runs));
             let more = core::iter::once(format!("{} on the road {on_road}", square.on_road))

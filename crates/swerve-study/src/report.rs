@@ -52,6 +52,9 @@ pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
             let [a, b] = [LogSoFar::read(&a, |_| true)?, LogSoFar::read(&b, |_| true)?];
             pair_of_logs(registry, &a, &b)?.html()
         }
+        (Source::Study(_), _) if args.ego.is_some() => {
+            bail!("--ego: expected a run, found a study: {}", args.a.display())
+        }
         (Source::Study(study), None) => swerve_report::page::page(&title(&study), &study),
         (Source::Study(a), Some(Source::Study(b))) => {
             let title = format!("{} | {}", title(&a), title(&b));

@@ -11,6 +11,9 @@ use crate::grid::Cell;
 pub(crate) const AS_EXPECTED: &str = "as_expected";
 pub(crate) const NOT_AS_EXPECTED: &str = "not_as_expected";
 
+/// Key in `cells.csv` for the name of the ego whose metrics these are, in runs with several.
+pub(crate) const EGO: &str = "ego";
+
 /// Result of one cell.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct CellResult {

@@ -203,7 +203,9 @@ pub struct Square {
     pub others: BTreeMap<String, usize>,
     /// Impact speeds of the runs with a collision, m/s, sorted.
     pub impact_mps: Vec<f64>,
-    /// Latency budgets, ms, sorted.
+    /// True if the drives are searches for a latency budget.
+    pub seeks_budget: bool,
+    /// Latency budgets, ms, sorted; those without one fail without added latency.
     pub budget_ms: Vec<f64>,
     /// Number of these, at the end, that are lower bounds.
     pub budget_bounds: usize,
@@ -296,7 +298,7 @@ impl Grid {
         if !self.column_axis.is_empty() {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
-        if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
+        if self.squares.iter().any(|square| !square.seeks_budget && square.runs > 0) {
             text += "without a collision, on the road, median impact (of how many), other outcomes; 95 % intervals\n";
         }
         if let Some(note) = &self.note {
@@ -328,6 +330,7 @@ impl Square {
             *self.others.entry(result.verdict.clone()).or_default() += 1;
         }
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
+        self.seeks_budget = study.budget.is_some();
         self.budget_ms.extend(result.budget_ms);
         let is_bound = |ms| study.budget.as_ref().is_some_and(|budget| budget.is_bound(ms));
         self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
@@ -391,8 +394,11 @@ impl Square {
             return vec![failed.unwrap_or_else(|| "-".into())];
         }
         if let Some([median, range]) = self.budget_text() {
-            let budget = format!("{median} ({range}, {}/{})", self.avoided, self.runs);
+            let budget = format!("{median} ({range}, {}/{})", self.budget_ms.len(), self.runs);
             return core::iter::once(budget).chain(failed).collect();
+        }
+        if self.seeks_budget {
+            return core::iter::once(format!("none (0/{})", self.runs)).chain(failed).collect();
         }
         let [hit_nothing, on_road] = [self.no_collision, self.on_road].map(|n| interval(n, self.runs));
         let mut lines = vec![

@@ -87,7 +87,8 @@ impl LogSoFar {
     }
 }
 
-/// Creates the page of a run, of the named or the first ego, from its log and, if it exists beside the log and belongs to the same run, `metrics.json`.
+/// Creates the page of a run, of the named or the first ego, from its log and, if it exists beside the log and belongs
+/// to the same run, `metrics.json`.
 /// An incomplete log gives a partial page.
 ///
 /// # Errors
@@ -104,7 +105,12 @@ fn page_of(registry: &Registry, so_far: &LogSoFar, ego: Option<&str>) -> anyhow:
     let scenario = logged_scenario(&log.start)?;
     let own = of_ego(log, &config, &scenario, ego)?;
     let (log, config, scenario) = match &own {
-        Some(EgoRun { log, setup, scenario }) => (log, setup.clone(), scenario.clone()),
+        // The page names the seed of the run.
+        Some(EgoRun { log, setup, scenario }) => {
+            let mut setup = setup.clone();
+            setup.seed = config.seed;
+            (log, setup, scenario.clone())
+        }
         None => (log, config, scenario),
     };
     let mut report = RunReport::of_config(&config, &scenario, String::new());

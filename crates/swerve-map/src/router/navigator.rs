@@ -28,6 +28,7 @@ pub struct Navigator {
     map: Arc<Map>,
     route: Route,
     beyond_m: f64,
+    speed_mps: f64,
     /// Places that the route still has to pass, with their arc lengths on it; the last is the destination.
     ahead: Vec<(Stop, f64)>,
     closed: Vec<Stop>,
@@ -40,12 +41,13 @@ pub struct Navigator {
 
 impl Navigator {
     /// Creates a navigator for a route over `map` that leads over `stops`, of which the first is the start, and on for
-    /// `beyond_m` metres.
-    pub fn new(map: Arc<Map>, route: Route, stops: &[Stop], beyond_m: f64) -> Self {
+    /// `beyond_m` metres, at `speed_mps` on lanes without a speed limit.
+    pub fn new(map: Arc<Map>, route: Route, stops: &[Stop], beyond_m: f64, speed_mps: f64) -> Self {
         let mut navigator = Self {
             map,
             route,
             beyond_m,
+            speed_mps,
             ahead: stops.iter().skip(1).map(|stop| (*stop, 0.0)).collect(),
             closed: Vec::new(),
             is_news: false,
@@ -85,7 +87,8 @@ impl Navigator {
         } else {
             None
         };
-        let Some((route, _)) = new.and_then(|way| Route::over(&self.map, &way, self.beyond_m).ok()) else {
+        let over = |way| Route::over(&self.map, &way, self.beyond_m, self.speed_mps).ok();
+        let Some((route, _)) = new.and_then(over) else {
             return false;
         };
         self.route = route;

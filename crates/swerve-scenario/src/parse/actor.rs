@@ -37,7 +37,9 @@ pub(super) fn read(
     let known = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
     let at_start = on_map && table.has("start");
-    let course = map.filter(|_| at_start).and_then(|map| map.course(table, false));
+    let motion = motions(table, kind);
+    let fastest_mps = motion.iter().map(Motion::fastest_mps).fold(0.0, f64::max);
+    let course = map.filter(|_| at_start).and_then(|map| map.course(table, false, fastest_mps));
     if at_start && map.is_none() {
         // Not read after a problem of the map or of the ego.
         for key in ["start", "goal", "via"] {
@@ -58,7 +60,7 @@ pub(super) fn read(
         d_m: if at_start { table.number_or("d_m", 0.0, PLACE) } else { table.number("d_m", PLACE) },
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
         trigger: trigger(table, ego, names),
-        motion: motions(table, kind),
+        motion,
         line: course.map(line_of),
     };
     if actor.trigger.is_some() && actor.motion.is_empty() {
@@ -121,7 +123,7 @@ fn subject(table: &TableReader<'_>, key: &'static str, ego: &str, names: &[Strin
             if let Some(id) = identity(name, names) {
                 return Subject::Actor(id);
             }
-            table.report(key, unknown_actor(name, names, true));
+            table.report(key, unknown_actor(name, names, &["ego", ego]));
             Subject::Ego
         }
     }

@@ -43,8 +43,10 @@ pub(super) fn tables<'r>(top: &TableReader<'r>) -> Vec<EgoTable<'r>> {
     };
     let read = |name: &str| {
         if !is_name(name) {
-            let message = "expected a table of an ego, with a name of letters, digits and underscores";
-            table.report(name, message);
+            let what = "expected a table of an ego, with a name of letters, digits and underscores";
+            let taken = format!(", other than `{EGO}` and the keys of an ego");
+            let is_taken = name == EGO || KEYS.contains(&name);
+            table.report(name, what.to_owned() + if is_taken { &taken } else { "" });
             table.reading().guess();
             return None;
         }

@@ -166,8 +166,9 @@ impl Loaded {
         .filter(|_| is_read)
     }
 
-    /// Reads start, via and goal of a table, and the way between them; without a goal the start alone.
-    pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool) -> Option<Way> {
+    /// Reads start, via and goal of a table, and the way between them, which is driven at `speed_mps` where there is no
+    /// speed limit; without a goal the start alone.
+    pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool, speed_mps: f64) -> Option<Way> {
         let mut stops = vec![self.place(table, "start")];
         let via = table.tables("via", |_| None);
         if via.len() > VIA_MAX {
@@ -190,7 +191,7 @@ impl Loaded {
             }
         };
         let beyond_m = if needs_goal { MapCourse::BEYOND_GOAL_M } else { ACTOR_BEYOND_M };
-        match Route::over(&self.file.map, &way, beyond_m) {
+        match Route::over(&self.file.map, &way, beyond_m, speed_mps) {
             Ok((route, [start_m, goal_m])) => Some(Way { route, stops, start_m, goal_m }),
             Err(error) => {
                 table.report("start", error.to_string());
@@ -201,9 +202,10 @@ impl Loaded {
 
     /// Reads the table of an ego: its start, and the ground with its way. `None` after a problem of the way.
     pub(super) fn ego(&self, top: &TableReader<'_>, table: &TableReader<'_>) -> Option<(EgoStart, Road)> {
-        let course = self.course(table, true)?;
+        let target_mps = table.number_if_any("target_speed_mps", SPEED);
+        let course = self.course(table, true, target_mps.unwrap_or(0.0))?;
         let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
-        let target_mps = table.number_if_any("target_speed_mps", SPEED).or_else(|| limits.reduce(f64::max));
+        let target_mps = target_mps.or_else(|| limits.reduce(f64::max));
         if target_mps.is_none() {
             table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
         }

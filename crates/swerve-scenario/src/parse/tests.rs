@@ -473,7 +473,7 @@ fn problems_of_several_egos_name_the_ego() {
         problems.iter().map(|p| format!("{}: {}", p.key, p.message)).collect::<Vec<_>>()
     };
     let first = "[ego.a]\ntarget_speed_mps = 10.0\nend_m = 150.0\n";
-    for (second, told) in [
+    for (second, expected) in [
         (
             "[ego.b]\ns_m = 2.0\ntarget_speed_mps = 10.0\nend_m = 150.0\n",
             "ego.b: starts inside the ego \"a\"",
@@ -498,7 +498,7 @@ fn problems_of_several_egos_name_the_ego() {
             Some(keys) => with(&format!("[ego]\n{keys}{first}")),
             None => with(&format!("{first}{second}")),
         };
-        assert!(problems.iter().any(|problem| problem.starts_with(told)), "{told}: {problems:#?}");
+        assert!(problems.iter().any(|problem| problem.starts_with(expected)), "{expected}: {problems:#?}");
     }
     let many: String = (0..65).map(|k| first.replace(".a]", &format!(".e{k}]"))).collect();
     assert!(with(&many)[0].starts_with("ego: expected at most 64 egos, found 65"));

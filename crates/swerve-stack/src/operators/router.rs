@@ -39,9 +39,10 @@ impl Kind for Router {
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let road = &site.surroundings().scenario.road;
+        let scenario = &site.surroundings().scenario;
+        let road = &scenario.road;
         let navigator = match &road.course {
-            Course::Map(course) => Some(course.navigator()),
+            Course::Map(course) => Some(course.navigator(scenario.ego.target_speed_mps)),
             Course::Strip(_) => None,
         };
         Ok(Self { first: Some(road.route()), navigator })

@@ -167,6 +167,29 @@ fn budget_without_a_failure_is_a_lower_bound() {
 }
 
 #[test]
+fn budgets_count_the_drives_that_have_one() {
+    let study = Study {
+        budget: Some(Budget { max_ms: 300.0, scan_ms: 50.0, resolution_ms: 5.0, limit: None }),
+        ..study()
+    };
+    for (budgets, expected) in [
+        ([Some(120.0), None], "120 ms (120-120, 1/2)"),
+        ([Some(120.0), Some(90.0)], "120 ms (90-120, 2/2)"),
+        ([None, None], "none (0/2)"),
+    ] {
+        let results = [0, 1].map(|k| {
+            let budget_ms = budgets[k];
+            let verdict = if budget_ms.is_some() { "stopped" } else { "collision" };
+            Some(CellResult { budget_ms, ..CellResult::blank(&study.cells[k], verdict) })
+        });
+        let grid = Grid::of(&study, &results);
+        assert_eq!(grid.squares[0].text(), expected);
+        let picture = crate::heatmap::draw(&grid, "t").svg();
+        assert!(picture.contains(&format!(">{}<", expected.split_once(" (").unwrap().0)), "{picture}");
+    }
+}
+
+#[test]
 fn squares_state_the_share_of_comfortable_plans_if_the_layer_drives() {
     let study = study();
     let with = |cell: &Cell, comfortable: f64, found: f64| {

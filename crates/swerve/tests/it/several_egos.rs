@@ -82,3 +82,34 @@ fn expectation_is_that_of_every_ego() {
         "{broken:?}"
     );
 }
+
+#[test]
+fn drive_of_several_egos_counts_by_the_one_that_fared_worst() {
+    let bench = Bench::new();
+    let text = "name = \"x\"\n[road]\nsegments = [{ length_m = 300.0 }]\n\
+                [ego.a]\ns_m = 100.0\ntarget_speed_mps = 10.0\nend_m = 150.0\n\
+                [ego.b]\ns_m = 2.0\ntarget_speed_mps = 10.0\nend_m = 290.0\n\
+                [end]\ntimeout_s = 15.0\n";
+    bench.write("x.toml", text);
+    bench.swerve(&["suite", "x.toml", "--seeds", "1..2", "--out", "o"]);
+    let cells = bench.read("o/cells.csv");
+    let mut lines = cells.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().unwrap();
+    let column = |name| head.iter().position(|column| *column == name).unwrap();
+    for line in lines {
+        // The first arrives; the other has 288 m to go, 15 s and 10 m/s.
+        assert_eq!((line[column("verdict")], line[column("ego")]), ("timeout", "b"), "{cells}");
+    }
+    // The first is observed until it arrives, although its stack drives on.
+    bench.good(&["run", "x.toml", "--out", "r"]);
+    let json: Value = serde_json::from_str(&bench.read("r/metrics.json")).unwrap();
+    let arrived_s = json["drive"]["duration_s"].as_f64().unwrap();
+    assert!(arrived_s < 9.0, "{arrived_s}");
+    let log = swerve_log::Log::read(&bench.path("r/log.mcap")).unwrap();
+    let scenario = Scenario::parse("x.toml", text).unwrap();
+    let [first, other] = ["a", "b"].map(|ego| {
+        let of_ego = swerve_drive::of_ego(&log, &Setup::default(), &scenario, Some(ego));
+        of_ego.unwrap().unwrap().log.all_publications().last().unwrap().header.visible_at.as_secs()
+    });
+    assert!((first - arrived_s).abs() < 0.1 && other > 14.9, "{first} s, {other} s");
+}

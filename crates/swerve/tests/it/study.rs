@@ -146,6 +146,32 @@ fn commands_of_a_budget_drive_it() {
 }
 
 #[test]
+fn budget_includes_drives_that_stand_before_someone_in_the_way() {
+    let bench = Bench::new();
+    let scenario = |name: &str, at_m: f64| {
+        let text = format!(
+            "name = \"{name}\"\n[road]\nsegments = [{{ length_m = 200.0 }}]\n\
+             [ego]\ntarget_speed_mps = 10.0\nstart_speed_mps = 10.0\nend_m = 190.0\n\
+             [[actor]]\nname = \"wall\"\nkind = \"static\"\ns_m = {at_m}\nd_m = 0.0\n\
+             size = {{ length_m = 1.0, width_m = 12.0, height_m = 2.0 }}\n[end]\ntimeout_s = 15.0\n"
+        );
+        bench.write(&format!("{name}.toml"), &text);
+    };
+    // 10 m/s are 6 m of braking at full force.
+    scenario("wall", 60.0);
+    scenario("close", 8.0);
+    bench.write(
+        "budget.toml",
+        "base = { scenario = \"wall.toml\" }\nbudget = { max_ms = 40, scan_ms = 40 }\n\
+         axis = [{ name = \"scenario\", scenario = [\"wall.toml\", \"close.toml\"] }]\n",
+    );
+    let table = bench.swerve(&["study", "budget.toml", "--out", "o"]).stdout;
+    let csv = bench.read("o/cells.csv");
+    let rows: Vec<&str> = csv.lines().skip(1).map(|line| line.split_once(',').unwrap().1).collect();
+    assert_eq!(rows, ["40,true,stopped", ",,collision"], "{csv}\n{table}");
+}
+
+#[test]
 fn finished_cells_are_kept_and_the_rest_is_run() {
     let bench = bench();
     bench.good(&["study", "study.toml", "--out", "o"]);

@@ -37,7 +37,33 @@ fn motorway() -> Map {
 
 fn over(map: &Map, from: (u32, f64), to: (u32, f64), beyond_m: f64) -> (Route, [f64; 2]) {
     let stop = |(lane, s_m)| Stop { lane: LaneId(lane), s_m };
-    Route::over(map, &find(map, stop(from), stop(to), &[]).unwrap(), beyond_m).unwrap()
+    Route::over(map, &find(map, stop(from), stop(to), &[]).unwrap(), beyond_m, 15.0).unwrap()
+}
+
+/// Largest curvature of a route, 1/m.
+fn most_curvature_1pm(route: &Route) -> f64 {
+    let count = route.line().length() as u32;
+    (0..count).map(|x| route.line().at(f64::from(x)).curvature_1pm.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn change_of_lanes_is_as_gentle_at_any_speed() {
+    let [limit, free] = [Some(24.0), None].map(|speed_limit_mps| {
+        let lanes = motorway().lanes().to_vec().into_iter();
+        Map::new(lanes.map(|lane| Lane { speed_limit_mps, ..lane }).collect()).unwrap()
+    });
+    let stop = |lane, s_m| Stop { lane: LaneId(lane), s_m };
+    // 24 m/s need 96 m of the 120 m; at 40 m/s the move takes all that there is.
+    for (map, speed_mps, lateral_mps2) in [(&limit, 5.0, 1.4), (&free, 24.0, 1.4), (&free, 12.0, 1.0)] {
+        let way = find(map, stop(1, 5.0), stop(6, 50.0), &[]).unwrap();
+        let (route, _) = Route::over(map, &way, 0.0, speed_mps).unwrap();
+        let driven_mps = map.lanes()[0].speed_limit_mps.unwrap_or(speed_mps);
+        let got_mps2 = most_curvature_1pm(&route) * driven_mps * driven_mps;
+        assert!(got_mps2 < lateral_mps2, "{driven_mps} m/s: {got_mps2}");
+    }
+    let way = find(&free, stop(1, 5.0), stop(6, 50.0), &[]).unwrap();
+    let (route, _) = Route::over(&free, &way, 0.0, 40.0).unwrap();
+    assert!(most_curvature_1pm(&route) < 5.9 * 3.5 / (110.0 * 110.0));
 }
 
 #[test]
@@ -52,8 +78,7 @@ fn change_of_lanes_is_one_smooth_move_over_all_rows_where_they_are_side_by_side(
         assert!((y_m(x_m) - expected).abs() < 0.03, "{x_m}: {}", y_m(x_m));
     }
     // Curvature of a quintic: at most 5.78 d/l².
-    let most_1pm = (0..310).map(|x| route.line().at(f64::from(x)).curvature_1pm.abs()).fold(0.0, f64::max);
-    assert!(most_1pm < 5.9 * 3.5 / 3600.0, "{most_1pm}");
+    assert!(most_curvature_1pm(&route) < 5.9 * 3.5 / 3600.0);
     // On the move both lanes are the ego's and the ground; before and after it, its lane is one of them.
     for (x_m, own, ground) in [
         (5.0, [1.75, -1.75], [5.25, -1.75]),

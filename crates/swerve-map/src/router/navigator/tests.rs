@@ -31,8 +31,8 @@ fn stop(lane: u32, s_m: f64) -> Stop {
 fn navigator(via: &[Stop]) -> Navigator {
     let map = fork();
     let stops = [&[stop(1, 10.0)], via, &[stop(4, 50.0)]].concat();
-    let (route, _) = Route::over(&map, &find_over(&map, &stops, &[]).unwrap(), 0.0).unwrap();
-    Navigator::new(map, route, &stops, 0.0)
+    let (route, _) = Route::over(&map, &find_over(&map, &stops, &[]).unwrap(), 0.0, 15.0).unwrap();
+    Navigator::new(map, route, &stops, 0.0, 15.0)
 }
 
 fn lanes(navigator: &Navigator) -> Vec<u32> {
