@@ -163,7 +163,7 @@ fn budget_includes_drives_that_stand_before_someone_in_the_way() {
     bench.write(
         "budget.toml",
         "base = { scenario = \"wall.toml\" }\nbudget = { max_ms = 40, scan_ms = 40 }\n\
-         axis = [{ name = \"scenario\", scenario = [\"wall.toml\", \"close.toml\"] }]\n",
+         axis = [{ key = \"scenario\", values = [\"wall.toml\", \"close.toml\"] }]\n",
     );
     let table = bench.swerve(&["study", "budget.toml", "--out", "o"]).stdout;
     let csv = bench.read("o/cells.csv");
