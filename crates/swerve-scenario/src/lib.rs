@@ -126,7 +126,7 @@ pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
-    Standstill, Subject, Trigger,
+    Standstill, Subject, Traffic, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};

@@ -25,14 +25,38 @@ pub struct Scenario {
     pub other_egos: Vec<OtherEgo>,
     /// End conditions beside the goal.
     pub end: End,
-    /// Other actors, ordered by identity: in file order.
+    /// Other actors, ordered by identity: in file order, then those of the traffic once it is placed.
     pub actors: Vec<Actor>,
+    /// Traffic on the map; `None` without traffic.
+    pub traffic: Option<Traffic>,
     /// Expected results, per pipeline.
     pub expect: Vec<Expectation>,
     /// Variations applied by a seed; `None` for the scenario as written.
     pub draws: Option<Draws>,
     /// Text that it was read from, for processes that parse it again.
     pub text: Arc<str>,
+}
+
+/// Numbers of road users that drive and walk over the map by themselves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Traffic {
+    /// Number of cars.
+    pub vehicles: usize,
+    /// Number of pedestrians.
+    pub pedestrians: usize,
+    /// Number of cyclists.
+    pub cyclists: usize,
+    /// Identity of the first one: they follow the actors of the file.
+    pub first_id: ActorId,
+    /// Seed with which they were placed among the actors; `None` before that.
+    pub seed: Option<u64>,
+}
+
+impl Traffic {
+    /// Number of road users, if there is a place for each.
+    pub fn count(&self) -> usize {
+        self.vehicles + self.pedestrians + self.cyclists
+    }
 }
 
 /// Start and goal of the ego.

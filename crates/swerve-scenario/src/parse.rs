@@ -15,8 +15,8 @@ use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest
 use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{
-    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, TrafficLight,
-    check,
+    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, Traffic,
+    TrafficLight, check,
 };
 
 /// Positions along and across the road, metres.
@@ -108,21 +108,23 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
         tables.truncate(ACTORS_MAX);
     }
-    let mut names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
-    let first = names.len() as u32 + 1;
+    let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
+    let traffic = traffic(top, ActorId(names.len() as u32 + 1));
+    let first = traffic.map_or(0, |traffic| traffic.count()) as u32 + names.len() as u32 + 1;
     let other = |(id, (name, start, road))| OtherEgo { id: ActorId(id), name, start, road };
     let other_egos: Vec<OtherEgo> = (first..).zip(egos).map(other).collect();
     unique(&tables, &names, &ego_name, &other_egos);
-    // Actors and other egos are numbered in the order of the text, from 1.
-    names.extend(other_egos.iter().map(|other| other.name.clone()));
-    let actors = tables.iter().zip(&names);
-    let actors = (1..).zip(actors).map(|(k, (table, name))| {
+    // Actors are numbered in the order of the text, from 1; then come the traffic and other egos.
+    let named = (1..).zip(&names).map(|(k, name)| (ActorId(k), name.as_str()));
+    let others = other_egos.iter().map(|other| (other.id, other.name.as_str()));
+    let known: Vec<(ActorId, &str)> = named.chain(others).collect();
+    let actors = tables.iter().zip(&known).map(|(table, (id, name))| {
         let on_map = top.has("map");
-        let setting = actor::Setting { id: ActorId(k), name, ego: &ego_name, names: &names, on_map, map };
+        let setting = actor::Setting { id: *id, name, ego: &ego_name, known: &known, on_map, map };
         actor::read(table, setting)
     });
     let actors = actors.collect();
-    let end = end(top, &names);
+    let end = end(top, &known);
     let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
     top.finish();
@@ -136,6 +138,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         other_egos,
         end,
         actors,
+        traffic,
         expect,
         draws: None,
         text: Arc::default(),
@@ -146,6 +149,25 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         }
     }
     scenario
+}
+
+/// Largest number of road users of the traffic.
+const TRAFFIC_MAX: i64 = 2_000;
+
+/// Reads the traffic; its first road user has this identity.
+fn traffic(top: &TableReader<'_>, first_id: ActorId) -> Option<Traffic> {
+    let table = top.table_if_any("traffic")?;
+    let count = |key| table.whole_if_any(key, 0, TRAFFIC_MAX).unwrap_or(0) as usize;
+    let (vehicles, pedestrians, cyclists) = (count("vehicles"), count("pedestrians"), count("cyclists"));
+    let traffic = Traffic { vehicles, pedestrians, cyclists, first_id, seed: None };
+    if traffic.count() > TRAFFIC_MAX as usize {
+        table.report_whole(format!("expected at most {TRAFFIC_MAX} road users, found {}", traffic.count()));
+    }
+    if !top.has("map") {
+        table.report_whole("expected a scenario on a `[map]`");
+    }
+    table.finish();
+    (traffic.count() > 0).then_some(traffic)
 }
 
 /// The ground, before an ego has a way over it.
@@ -273,7 +295,7 @@ const NO_START: EgoStart = EgoStart {
     end_m: 0.0,
 };
 
-fn end(top: &TableReader<'_>, names: &[String]) -> End {
+fn end(top: &TableReader<'_>, known: &[(ActorId, &str)]) -> End {
     let mut end = End { timeout_s: 30.0, after_collision_s: 2.0, standstill: None };
     let Some(table) = top.table_if_any("end") else { return end };
     end.timeout_s = table.number_or("timeout_s", end.timeout_s, Range::between(0.1, 86_400.0));
@@ -281,9 +303,9 @@ fn end(top: &TableReader<'_>, names: &[String]) -> End {
         table.number_or("after_collision_s", end.after_collision_s, Range::between(0.0, 3_600.0));
     if let Some(still) = table.table_if_any("standstill") {
         let near = still.text_if_any("near").and_then(|name| {
-            let found = identity(&name, names);
+            let found = identity(&name, known);
             if found.is_none() {
-                still.report("near", unknown_actor(&name, names, &[]));
+                still.report("near", unknown_actor(&name, known, &[]));
             }
             found
         });
@@ -314,13 +336,13 @@ fn unique(tables: &[TableReader<'_>], names: &[String], ego: &str, others: &[Oth
 }
 
 /// Identity of the first actor or other ego of this name.
-fn identity(name: &str, names: &[String]) -> Option<ActorId> {
-    (1..).zip(names).find(|(_, known)| *known == name).map(|(k, _)| ActorId(k))
+fn identity(name: &str, known: &[(ActorId, &str)]) -> Option<ActorId> {
+    known.iter().find(|(_, known)| *known == name).map(|(id, _)| *id)
 }
 
 /// Message for a name that matches no actor, nor a name of the first ego if those are given.
-fn unknown_actor(name: &str, names: &[String], egos: &[&str]) -> String {
-    let known = names.iter().map(String::as_str).chain(egos.iter().copied());
+fn unknown_actor(name: &str, known: &[(ActorId, &str)], egos: &[&str]) -> String {
+    let known = known.iter().map(|(_, name)| *name).chain(egos.iter().copied());
     let mut known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();
     known.dedup();
     match nearest(name, known.iter().copied()) {

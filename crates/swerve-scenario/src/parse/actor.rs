@@ -21,8 +21,8 @@ pub(super) struct Setting<'a> {
     pub(super) name: &'a str,
     /// Name of the first ego.
     pub(super) ego: &'a str,
-    /// Names of all actors and other egos, to resolve references.
-    pub(super) names: &'a [String],
+    /// All actors and other egos, to resolve references.
+    pub(super) known: &'a [(ActorId, &'a str)],
     /// True if the scenario is on a map.
     pub(super) on_map: bool,
     /// The map; `None` after a problem.
@@ -31,7 +31,7 @@ pub(super) struct Setting<'a> {
 
 pub(super) fn read(
     table: &TableReader<'_>,
-    Setting { id, name, ego, names, on_map, map }: Setting<'_>,
+    Setting { id, name, ego, known, on_map, map }: Setting<'_>,
 ) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let known = table.one_of("kind", &kind_names);
@@ -59,7 +59,7 @@ pub(super) fn read(
         },
         d_m: if at_start { table.number_or("d_m", 0.0, PLACE) } else { table.number("d_m", PLACE) },
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
-        trigger: trigger(table, ego, names),
+        trigger: trigger(table, ego, known),
         motion,
         line: course.map(line_of),
     };
@@ -93,19 +93,19 @@ fn extent(table: &TableReader<'_>, kind: Option<ActorKind>, usual: [f64; 3]) -> 
     Extent { length_m, width_m, height_m }
 }
 
-fn trigger(table: &TableReader<'_>, ego: &str, names: &[String]) -> Option<Trigger> {
+fn trigger(table: &TableReader<'_>, ego: &str, known: &[(ActorId, &str)]) -> Option<Trigger> {
     let table = table.table_if_any("trigger")?;
     let which = table.only_one(&["distance", "time", "reaches"]);
     let trigger = which.and_then(|key| {
         let inner = table.table_if_any(key)?;
         let trigger = match key {
             "distance" => Trigger::Distance {
-                to: subject(&inner, "to", ego, names),
+                to: subject(&inner, "to", ego, known),
                 within_m: inner.number("within_m", WAY),
             },
             "time" => Trigger::Time { at_s: inner.number("at_s", Range::between(0.0, 86_400.0)) },
             _ => {
-                Trigger::Reaches { who: subject(&inner, "who", ego, names), s_m: inner.number("s_m", PLACE) }
+                Trigger::Reaches { who: subject(&inner, "who", ego, known), s_m: inner.number("s_m", PLACE) }
             }
         };
         inner.finish();
@@ -115,15 +115,15 @@ fn trigger(table: &TableReader<'_>, ego: &str, names: &[String]) -> Option<Trigg
     trigger
 }
 
-fn subject(table: &TableReader<'_>, key: &'static str, ego: &str, names: &[String]) -> Subject {
+fn subject(table: &TableReader<'_>, key: &'static str, ego: &str, known: &[(ActorId, &str)]) -> Subject {
     match table.text_if_any(key).as_deref() {
         None | Some("ego") => Subject::Ego,
         Some(name) if name == ego => Subject::Ego,
         Some(name) => {
-            if let Some(id) = identity(name, names) {
+            if let Some(id) = identity(name, known) {
                 return Subject::Actor(id);
             }
-            table.report(key, unknown_actor(name, names, &["ego", ego]));
+            table.report(key, unknown_actor(name, known, &["ego", ego]));
             Subject::Ego
         }
     }
