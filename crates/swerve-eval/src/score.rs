@@ -12,7 +12,7 @@ pub mod nuplan;
 pub mod surrogate;
 
 pub use judge::{
-    Ego, EmergencyVehicle, Ending, JudgedRoute, Place, RedLight, RouteJudge, StepFacts, StopSign, Touch,
+    Ego, EmergencyVehicle, Ending, JudgedRoute, RedLight, RouteJudge, RoutePlace, StepFacts, StopSign, Touch,
 };
 
 /// Rounds to a number of decimals, as Python's `round`: to the nearest decimal of the exact binary value, ties to even.

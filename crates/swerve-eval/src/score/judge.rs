@@ -18,7 +18,9 @@ use swerve_geom::{Point2, Pose2};
 use super::leaderboard::{Collisions, Contact, Counts, RouteRecord, Version};
 use super::rounded;
 
-pub use facts::{Ego, EmergencyVehicle, Ending, JudgedRoute, Place, RedLight, StepFacts, StopSign, Touch};
+pub use facts::{
+    Ego, EmergencyVehicle, Ending, JudgedRoute, RedLight, RoutePlace, StepFacts, StopSign, Touch,
+};
 use progress::{Deviation, MinSpeed, OutsideLanes, Timeout};
 use red_light::RedLights;
 use stop_sign::StopSigns;

@@ -72,3 +72,35 @@ fn published_yaw_acceleration_is_the_yaw_rate() {
     assert_eq!(both(&turn(2.0)), [Some(1.0), Some(0.0)]);
     assert_eq!(both(&turn(1.9)), [Some(1.0), Some(1.0)]);
 }
+
+#[test]
+fn comfort_matches_scipys_filter() {
+    // Amplitude, frequency per sample, and the shares, computed with `scipy.signal.savgol_filter` (window 7,
+    // order 2) in the order of operations of Bench2Drive's code: with the yaw rate as yaw acceleration, and derived.
+    for (a, w, wanted) in [
+        (1.5, 0.06, [1.0, 1.0]),
+        (1.5, 0.2, [1.0, 1.0]),
+        (1.5, 0.3, [0.6, 0.5]),
+        (2.5, 0.06, [0.9, 0.9]),
+        (2.5, 0.12, [0.7, 0.7]),
+        (2.5, 0.2, [0.6, 0.6]),
+        (2.5, 0.3, [0.2, 0.0]),
+        (3.5, 0.06, [0.5, 0.5]),
+        (3.5, 0.12, [0.3, 0.3]),
+        (3.5, 0.2, [0.2, 0.1]),
+        (3.5, 0.3, [0.0, 0.0]),
+    ] {
+        let (sin, cos) = (math::sin, math::cos);
+        let motion = |k: u32| {
+            let k = f64::from(k);
+            Motion {
+                lon_accel_mps2: 0.8 * a * sin(w * k) * cos(0.02 * k),
+                lat_accel_mps2: a * sin(0.7 * w * k + 1.0) * sin(0.015 * k),
+                yaw_rate_radps: 0.4 * a * sin(w * k + 0.5) * sin(0.01 * k),
+            }
+        };
+        let drive: Vec<Motion> = (0..210).map(motion).collect();
+        let found = [YawAccel::SmoothedYawRate, YawAccel::Derived].map(|kind| comfort(&drive, kind).unwrap());
+        assert_eq!(found, wanted, "{a} {w}");
+    }
+}

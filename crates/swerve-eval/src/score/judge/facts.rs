@@ -47,9 +47,9 @@ pub struct Ego {
     pub forward_mps: f64,
 }
 
-/// Place of the ego on the route and the map.
+/// Position of the ego on the route and the map.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Place {
+pub struct RoutePlace {
     /// Arc length along the route, metres.
     pub s_m: f64,
     /// Distance of the ego's centre from the route, metres.
@@ -115,7 +115,7 @@ pub struct StepFacts<'a> {
     /// The ego.
     pub ego: Ego,
     /// Its place.
-    pub place: Place,
+    pub place: RoutePlace,
     /// Contacts of the ego in this step.
     pub touches: &'a [Touch],
     /// Red lights.

@@ -1,6 +1,6 @@
 //! Rules that follow the progress along the route.
 
-use super::{JudgedRoute, Place};
+use super::{JudgedRoute, RoutePlace};
 use crate::score::leaderboard::Version;
 use crate::score::rounded;
 
@@ -19,7 +19,7 @@ impl OutsideLanes {
         Self { allowed_m, total_m: 0.0, outside_m: 0.0 }
     }
 
-    pub(super) fn take(&mut self, place: &Place, advance_m: f64) {
+    pub(super) fn take(&mut self, place: &RoutePlace, advance_m: f64) {
         self.total_m += advance_m;
         if place.off_lanes_m > self.allowed_m || place.against_traffic {
             self.outside_m += advance_m;

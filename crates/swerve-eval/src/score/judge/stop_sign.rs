@@ -1,6 +1,6 @@
 //! Stop signs run (`RunningStopTest`).
 
-use super::{Ego, Place, STANDS_MPS, StopSign, alignment};
+use super::{Ego, RoutePlace, STANDS_MPS, StopSign, alignment};
 use crate::score::leaderboard::Version;
 
 /// Cosine of 100 degrees, and the speed in m/s, below which the ego faces or drives against its lane (2.x).
@@ -50,7 +50,7 @@ impl StopSigns {
     }
 
     /// Number of signs run in this step: at most one.
-    pub(super) fn take(&mut self, ego: &Ego, place: &Place, signs: &[StopSign]) -> u32 {
+    pub(super) fn take(&mut self, ego: &Ego, place: &RoutePlace, signs: &[StopSign]) -> u32 {
         let Some(target) = self.target else {
             let found = |sign: &&StopSign| self.search.finds(sign);
             let is_along = self.is_along(ego, place);
@@ -73,7 +73,7 @@ impl StopSigns {
         u32::from(is_run)
     }
 
-    fn is_along(&self, ego: &Ego, place: &Place) -> bool {
+    fn is_along(&self, ego: &Ego, place: &RoutePlace) -> bool {
         let along = alignment(ego.center, place.lane_heading_rad);
         match self.version.is_second() {
             true => along >= AGAINST && ego.forward_mps >= AGAINST,

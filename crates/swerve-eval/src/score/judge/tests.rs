@@ -8,7 +8,7 @@ fn facts(at_s: f64, x_m: f64, speed_mps: f64) -> StepFacts<'static> {
     StepFacts {
         at_s,
         ego: Ego { center: Pose2::new(x_m, 0.0, 0.0), half_length_m: 2.5, speed_mps, forward_mps: speed_mps },
-        place: Place { s_m: x_m, to_end_m: LENGTH_M - x_m, limit_mps: 10.0, ..Place::default() },
+        place: RoutePlace { s_m: x_m, to_end_m: LENGTH_M - x_m, limit_mps: 10.0, ..RoutePlace::default() },
         touches: &[],
         red_lights: &[],
         stop_signs: &[],
