@@ -52,7 +52,8 @@ pub fn time_to_close_s(gap_m: f64, closing_mps: f64, closing_mps2: f64) -> Optio
 
 /// Worst time to collision, seconds (Wachenfeld, Junietz, Wenzel, Winner 2016): until the earliest contact that is
 /// possible if each road user accelerates in any direction, by up to `accel_mps2` of its own. Outlines are their
-/// circumscribed circles, because a swerving vehicle turns. `None` only without motion and acceleration.
+/// circumscribed circles, because a swerving vehicle turns. `None` if no contact is possible: without acceleration, on
+/// courses that do not meet.
 pub fn worst_time_to_collision_s(one: &Moving, other: &Moving, accel_mps2: [f64; 2]) -> Option<f64> {
     let between = other.outline.center.point() - one.outline.center.point();
     let relative = one.relative_mps(other);
@@ -73,7 +74,8 @@ pub fn worst_time_to_collision_s(one: &Moving, other: &Moving, accel_mps2: [f64;
             return None;
         }
     }
-    Some(at_s)
+    // So near to a contact that steps are tiny, or passing without one.
+    (accel > 0.0).then_some(at_s)
 }
 
 /// Gap taken as contact, metres.

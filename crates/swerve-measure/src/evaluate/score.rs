@@ -15,7 +15,7 @@ use serde::Serialize;
 use swerve_eval::score::leaderboard::{RouteRecord, RouteScore, TotalScore, Version, total};
 use swerve_text::read_given;
 
-use compare::{Difference, compare, compare_counting};
+use compare::{Comparison, Difference, compare, compare_counting};
 use file::{Cases, read};
 
 /// Maximum length of a file of records, bytes.
@@ -71,6 +71,9 @@ enum Score {
 struct CaseReport {
     name: String,
     scores: BTreeMap<&'static str, Score>,
+    /// Largest difference of these numbers to those in the file, by version.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    largest_difference: BTreeMap<&'static str, f64>,
 }
 
 /// Instants of the collisions that count, by version.
@@ -113,19 +116,22 @@ pub(super) fn outcome(args: &ScoreArgs) -> anyhow::Result<(String, Option<String
 
 fn report(cases: &Cases, versions: &[Version]) -> Report {
     let (mut compared, mut differing) = (0, Vec::new());
-    let mut take = |found: (usize, Vec<Difference>)| {
-        compared += found.0;
-        differing.extend(found.1);
+    let mut take = |found: Comparison| {
+        compared += found.compared;
+        differing.extend(found.differing);
+        found.largest
     };
     let mut reports = Vec::new();
     for case in &cases.cases {
-        let mut scores = BTreeMap::new();
+        let (mut scores, mut largest_difference) = (BTreeMap::new(), BTreeMap::new());
         for version in versions {
             let score = score(&case.records(*version), case.is_total, *version);
-            take(compare(case, &score, *version));
+            if let Some(largest) = take(compare(case, &score, *version)) {
+                largest_difference.insert(version.name(), largest);
+            }
             scores.insert(version.name(), score);
         }
-        reports.push(CaseReport { name: case.name.clone(), scores });
+        reports.push(CaseReport { name: case.name.clone(), scores, largest_difference });
     }
     let counting = cases.counting.as_ref().map(|counting| {
         let mut counted_at_s = BTreeMap::new();

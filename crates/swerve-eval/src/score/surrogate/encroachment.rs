@@ -42,6 +42,9 @@ impl Stay {
         for pair in trace.windows(2) {
             let [(from_s, from), (to_s, to)] = pair else { continue };
             let step_s = to_s - from_s;
+            if step_s <= 0.0 {
+                continue;
+            }
             let velocity = (to.center.point() - from.center.point()) * (1.0 / step_s);
             if enter_s.is_none() {
                 let entry_s = area.time_to_contact_s(from, velocity).filter(|after_s| *after_s <= step_s);

@@ -16,14 +16,24 @@ pub(super) struct Difference {
     pub(super) found: String,
 }
 
+/// Comparison of some results with those in the file.
+#[derive(Default)]
+pub(super) struct Comparison {
+    /// Number of values compared.
+    pub(super) compared: usize,
+    /// Those that differ by more than their rounding.
+    pub(super) differing: Vec<Difference>,
+    /// Largest difference of numbers; `None` if none is compared.
+    pub(super) largest: Option<f64>,
+}
+
 /// Half of the last place of scores, and of rates and standard deviations of 2.x; with room for the error of doubles.
 const SCORE_TOLERANCE: f64 = 0.500_001e-6;
 const OTHER_TOLERANCE: f64 = 0.500_001e-3;
 
-/// Compares the scores of a case with its `status` and `expect`; returns the number of values compared, and those that
-/// differ.
-pub(super) fn compare(case: &Case, score: &Score, version: Version) -> (usize, Vec<Difference>) {
-    let mut list = Comparisons { case: &case.name, version, compared: 0, differing: Vec::new() };
+/// Compares the scores of a case with its `status` and `expect`.
+pub(super) fn compare(case: &Case, score: &Score, version: Version) -> Comparison {
+    let mut list = Comparisons { case: &case.name, version, of: Comparison::default() };
     let routes = match score {
         Score::Route(route) => std::slice::from_ref(route),
         Score::Total(total) => &total.routes,
@@ -35,7 +45,7 @@ pub(super) fn compare(case: &Case, score: &Score, version: Version) -> (usize, V
         };
         list.status(expected, found);
     }
-    let Some(expect) = case.expected(version) else { return list.done() };
+    let Some(expect) = case.expected(version) else { return list.of };
     let one = |of: fn(&RouteScore) -> f64| match routes {
         [route] => Some(of(route)),
         _ => None,
@@ -63,49 +73,42 @@ pub(super) fn compare(case: &Case, score: &Score, version: Version) -> (usize, V
         let found = total.and_then(|total| total.per_km.get(kind.as_str()).copied());
         list.number(&format!("per_km.{kind}"), Some(*rate), found, other);
     }
-    list.done()
+    list.of
 }
 
 /// Same, for the instants of collisions.
-pub(super) fn compare_counting(
-    counting: &Counting,
-    found: &[f64],
-    version: Version,
-) -> (usize, Vec<Difference>) {
-    let mut list = Comparisons { case: "counting", version, compared: 0, differing: Vec::new() };
+pub(super) fn compare_counting(counting: &Counting, found: &[f64], version: Version) -> Comparison {
+    let mut list = Comparisons { case: "counting", version, of: Comparison::default() };
     if let Some(expect) = counting.expect.of(version) {
-        list.compared += 1;
+        list.of.compared += 1;
         if expect.counted_at_s != found {
             let name = "counted_at_s".to_owned();
             list.differs(name, format!("{:?}", expect.counted_at_s), format!("{found:?}"));
         }
     }
-    list.done()
+    list.of
 }
 
 struct Comparisons<'a> {
     case: &'a str,
     version: Version,
-    compared: usize,
-    differing: Vec<Difference>,
+    of: Comparison,
 }
 
 impl Comparisons<'_> {
-    fn done(self) -> (usize, Vec<Difference>) {
-        (self.compared, self.differing)
-    }
-
     /// A result is compared if the file has one.
     fn number(&mut self, value: &str, expected: Option<f64>, found: Option<f64>, tolerance: f64) {
         let Some(expected) = expected else { return };
-        self.compared += 1;
-        if found.is_none_or(|found| (found - expected).abs() > tolerance) {
+        self.of.compared += 1;
+        let difference = found.map(|found| (found - expected).abs());
+        self.of.largest = [self.of.largest, difference].into_iter().flatten().reduce(f64::max);
+        if difference.is_none_or(|difference| difference > tolerance) {
             self.differs(value.to_owned(), shown(Some(expected)), shown(found));
         }
     }
 
     fn status(&mut self, expected: &str, found: Status) {
-        self.compared += 1;
+        self.of.compared += 1;
         if expected != found.to_string() {
             self.differs("status".to_owned(), expected.to_owned(), found.to_string());
         }
@@ -113,7 +116,7 @@ impl Comparisons<'_> {
 
     fn differs(&mut self, value: String, expected: String, found: String) {
         let (case, version) = (self.case.to_owned(), self.version.name());
-        self.differing.push(Difference { case, version, value, expected, found });
+        self.of.differing.push(Difference { case, version, value, expected, found });
     }
 }
 

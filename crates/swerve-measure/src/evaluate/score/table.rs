@@ -7,7 +7,8 @@ use super::{Report, Score};
 
 /// A row for each case and version, the rates of several routes, the comparison.
 pub(super) fn text(report: &Report) -> String {
-    let head = ["case", "version", "completion", "penalty", "driving score", "std dev", "status"];
+    let head =
+        ["case", "version", "completion", "penalty", "driving score", "std dev", "difference", "status"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     let mut rates = Vec::new();
     for case in &report.cases {
@@ -26,7 +27,8 @@ pub(super) fn text(report: &Report) -> String {
                 }
             };
             let [completion, penalty, driving_score] = numbers.map(number);
-            let std_dev = std_dev.map_or_else(|| "-".to_owned(), number);
+            let [std_dev, difference] = [std_dev, case.largest_difference.get(version).copied()]
+                .map(|value| value.map_or_else(|| "-".to_owned(), number));
             let case = case.name.clone();
             let row = [
                 case,
@@ -35,6 +37,7 @@ pub(super) fn text(report: &Report) -> String {
                 penalty,
                 driving_score,
                 std_dev,
+                difference,
                 status.to_string(),
             ];
             rows.push(row.to_vec());

@@ -32,10 +32,12 @@ fn results_equal_those_worked_by_hand() {
     assert_eq!(report["compared"], 25);
     assert_eq!(report["cases"][1]["scores"]["2.0"]["status"], "Failed - Agent got blocked");
     assert_eq!(report["cases"][2]["scores"]["2.1"]["status"], "Failed");
+    assert!(report["cases"][2]["largest_difference"]["1.0"].as_f64().unwrap() < 5e-7);
+    assert_eq!(report["cases"][2]["largest_difference"].get("2.1"), None);
     assert_eq!(report["counting"]["counted_at_s"]["2.1"], serde_json::json!([1.0]));
     let table = folder.eval("score @cases.json --version 2.1", false).unwrap();
     let has = |words: &str| table.lines().any(|line| line.split_whitespace().eq(words.split(' ')));
-    assert!(has("blocked 2.1 40 0.428571 17.142857 - Failed - Agent got blocked"), "{table}");
+    assert!(has("blocked 2.1 40 0.428571 17.142857 - 0 Failed - Agent got blocked"), "{table}");
     assert!(has("both 2.1 red_light 1.111"), "{table}");
     assert!(has("2.1 1"), "{table}");
     assert!(table.contains("5 values compared with the file: all equal within their rounding"), "{table}");
@@ -68,6 +70,8 @@ fn differences_are_listed_and_fail_the_command() {
     assert_eq!(folder.problem("score @cases.json").unwrap(), "cases.json: 4 of 25 values differ");
     assert_eq!(folder.problem("score @good.json"), None);
     let table = folder.eval("score @cases.json --version 1.0", false).unwrap();
+    let row = ["blocked", "1.0", "40", "0.378", "15.12", "-", "0.01", "Failed"];
+    assert!(table.lines().any(|line| line.split_whitespace().eq(row)), "{table}");
     let row = ["blocked", "1.0", "driving_score", "15.13", "15.12"];
     assert!(table.lines().any(|line| line.split_whitespace().eq(row)), "{table}");
 }
