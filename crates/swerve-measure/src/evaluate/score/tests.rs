@@ -143,3 +143,12 @@ fn worked_cases_of_the_leaderboard_are_reproduced() {
     assert_eq!(report["differing"], serde_json::json!([]));
     assert_eq!((report["cases"].as_array().unwrap().len(), &report["compared"]), (5, &62.into()));
 }
+
+#[test]
+fn example_of_the_page_is_valid() {
+    let page = include_str!("../../../../../docs/scores.md");
+    let (_, rest) = page.split_once("```json\n").unwrap();
+    let (example, _) = rest.split_once("```").unwrap();
+    let report = Folder::with(&[("my_routes.json", example)]).numbers("score @my_routes.json");
+    assert_eq!((&report["compared"], &report["differing"]), (&2.into(), &serde_json::json!([])));
+}
