@@ -79,6 +79,10 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
     let packed = b"\x1f\x8b\x08\0\0\0\0\0\0\x033P0T0R0\xe6\x02\0\x60\xb4\x64\x57\x08\0\0\0";
     put(folder, "tracks", "gzip", packed)?;
     put(folder, "coco", "one", coco.as_bytes())?;
+    let routes = "{\"cases\":[{\"name\":\"a\",\"route_length_m\":900,\"route_completion\":100,\"counts\":{\"red_light\":1},\
+                  \"min_speed_checkpoints_percent\":[80.5],\"expect\":{\"2.x\":{\"penalty\":0.7}}},{\"name\":\"b\",\
+                  \"routes\":[{\"route\":\"a\"}]}],\"counting\":{\"events\":[[1,\"vehicle\",7,0,5]]}}";
+    put(folder, "scores", "two", routes.as_bytes())?;
     put(folder, "ros2_mapping", "some", b"vehicle = \"autoware\"\n[topics.pose]\ntopic = \"/x\"\n")
 }
 

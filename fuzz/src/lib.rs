@@ -118,8 +118,8 @@ struct Eval {
     args: EvalArgs,
 }
 
-fn evaluated(what: &[&str], truth: &Path, found: &Path) {
-    let paths = [truth, found].map(|path| path.display().to_string());
+fn evaluated(what: &[&str], files: &[&Path]) {
+    let paths: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
     let words = ["eval"].iter().chain(what).copied().chain(paths.iter().map(String::as_str));
     let eval = Eval::try_parse_from(words).expect("these are its arguments");
     let _either_way = evaluate::run(&eval.args, &Registry::standard()).is_ok();
@@ -135,7 +135,13 @@ pub fn evaluate(what: &[&str], ending: &str, text: &str) {
     let (truth, found) = sides(text);
     let file = |name: &str, text: &str| Scratch::file(&format!("{name}.{ending}"), text.as_bytes());
     let (truth, found) = (file("truth", truth), file("found", found));
-    evaluated(what, truth.path(), found.path());
+    evaluated(what, &[truth.path(), found.path()]);
+}
+
+/// `swerve eval` of one file.
+pub fn evaluate_one(what: &[&str], ending: &str, text: &str) {
+    let file = Scratch::file(&format!("records.{ending}"), text.as_bytes());
+    evaluated(what, &[file.path()]);
 }
 
 /// `swerve eval` of two folders with a file each.
@@ -143,7 +149,7 @@ pub fn evaluate_folders(what: &[&str], text: &str) {
     let (truth, found) = sides(text);
     let file = |text: &str| Scratch::file("000000.txt", text.as_bytes());
     let (truth, found) = (file(truth), file(found));
-    evaluated(what, truth.folder(), found.folder());
+    evaluated(what, &[truth.folder(), found.folder()]);
 }
 
 /// A drive of two cars and a person for a second, in CommonRoad's rows.

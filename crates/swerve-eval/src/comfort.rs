@@ -70,7 +70,8 @@ impl Comfort {
         }
     }
 
-    fn push(&mut self, along_mps2: f64, across_mps2: f64, heading_rad: f64) {
+    /// Adds one sample.
+    pub(crate) fn push(&mut self, along_mps2: f64, across_mps2: f64, heading_rad: f64) {
         let turned = |before: &f64| before + angle_between(*before, heading_rad);
         self.along.push(along_mps2);
         self.across.push(across_mps2);
@@ -121,15 +122,18 @@ impl Comfort {
 
 /// A Savitzky-Golay filter: at each sample, the value or a derivative of the polynomial fitted to the window.
 #[derive(Clone, Copy, Debug)]
-struct Filter {
-    window: usize,
-    order: usize,
-    derivative: usize,
+pub(crate) struct Filter {
+    /// Number of samples.
+    pub(crate) window: usize,
+    /// Order of the polynomial.
+    pub(crate) order: usize,
+    /// Order of the derivative; zero for the value.
+    pub(crate) derivative: usize,
 }
 
 impl Filter {
     /// Filters a series with [`PERIOD_S`] between samples. The window is shortened to the length of a shorter series.
-    fn of(self, series: &[f64]) -> Vec<f64> {
+    pub(crate) fn of(self, series: &[f64]) -> Vec<f64> {
         let (n, window) = (series.len(), self.window.min(series.len()));
         let half = window / 2;
         let dot = |weights: &[f64], from: usize| -> f64 {

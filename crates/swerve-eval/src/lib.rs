@@ -1,6 +1,6 @@
 //! Evaluation of driving: verdict, distances, impact, comfort, response times, run times; of perception: detections,
 //! tracks, segmentation, also with latency taken into account ([`timely`]); of localization: trajectory errors and
-//! filter consistency; and of predictions ([`forecast`]).
+//! filter consistency; and of predictions ([`forecast`]). [`score`] has the driving scores of other benchmarks.
 //!
 //! Every metric is a small accumulator of samples, so that runs of any length are evaluated online. [`Evaluation`]
 //! holds one of each and computes [`Metrics`], which serialise to `metrics.json`. Inputs are messages and the
@@ -28,6 +28,7 @@ mod overlap;
 mod plan;
 mod response;
 mod runtime;
+pub mod score;
 mod segmentation;
 pub mod timely;
 mod tracking;

@@ -1,5 +1,5 @@
 //! `swerve eval`: compares the results of a detector, tracker, localizer or predictor, in common file formats, with the
-//! ground truth.
+//! ground truth; driving scores from the records of routes.
 
 mod coco;
 mod input;
@@ -8,6 +8,7 @@ mod localization;
 pub(crate) mod mot;
 pub mod prediction;
 mod registration;
+mod score;
 #[cfg(test)]
 mod tests;
 mod timely;
@@ -24,6 +25,7 @@ use swerve_stack::Registry;
 use localization::LocalizationArgs;
 use prediction::PredictionArgs;
 use registration::RegistrationArgs;
+use score::ScoreArgs;
 use timely::TimelyArgs;
 
 /// `swerve eval`.
@@ -45,6 +47,8 @@ enum What {
     Prediction(PredictionArgs),
     /// Scan matching of two point clouds: the pose of one in the other, and the cost of finding it
     Registration(RegistrationArgs),
+    /// Driving scores of the CARLA Leaderboard 1.0, 2.0 and 2.1 from the records of routes
+    Score(ScoreArgs),
 }
 
 #[derive(clap::Args, Debug)]
@@ -83,17 +87,16 @@ enum Format {
 /// # Errors
 /// If a file cannot be read or has another format; the error names file, line and the expected content.
 pub fn run(args: &EvalArgs, registry: &Registry) -> anyhow::Result<()> {
-    let (text, problem) = match &args.what {
-        What::Registration(args) => registration::told(args)?,
-        _ => (result(args, registry)?, None),
-    };
+    let (text, problem) = output(args, registry)?;
     swerve_report::output::print(&text)?;
     problem.map_or(Ok(()), |problem| Err(anyhow!(problem)))
 }
 
-/// Text to print.
-fn result(args: &EvalArgs, registry: &Registry) -> anyhow::Result<String> {
-    match &args.what {
+/// Text to print, and a problem with which the command ends after it.
+fn output(args: &EvalArgs, registry: &Registry) -> anyhow::Result<(String, Option<String>)> {
+    let text = match &args.what {
+        What::Registration(args) => return registration::told(args),
+        What::Score(args) => return score::outcome(args),
         What::Detection(DetectionArgs { format: Format::Coco, compared }) => {
             told(compared, &coco::evaluate(compared)?, coco::table)
         }
@@ -112,8 +115,8 @@ fn result(args: &EvalArgs, registry: &Registry) -> anyhow::Result<String> {
             }
         }
         What::Prediction(args) => prediction::text(args, registry),
-        What::Registration(args) => Ok(registration::told(args)?.0),
-    }
+    };
+    Ok((text?, None))
 }
 
 fn told<M: Serialize>(

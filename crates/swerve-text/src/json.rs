@@ -1,10 +1,12 @@
 //! Deserialization of JSON, with errors worded as for TOML.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use serde::de::DeserializeOwned;
 use serde_json::error::{Category, Error};
 
-use crate::form::in_words;
-use crate::problem::Problem;
+use crate::form::{in_words, read};
+use crate::problem::{KeyProblem, Problem, Problems};
 use crate::words::{unknown_key, unknown_name};
 
 /// Deserializes JSON as a `T`; `file` is its name in messages.
@@ -13,6 +15,32 @@ use crate::words::{unknown_key, unknown_name};
 /// The first value that does not have the form of a `T`, with line and key, or a syntax error.
 pub fn from_json<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Problem> {
     serde_json::from_str(text).map_err(|error| problem(file, text, &error))
+}
+
+/// Same as [`from_json`], for an object without `null`; finds all problems at once.
+///
+/// # Errors
+/// All values that do not have the form of a `T`, with lines and keys, or a syntax error.
+pub fn read_json<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Problems> {
+    let table = from_json::<toml::Table>(file, text).map_err(|mut problem| {
+        problem.message = problem.message.replace("any valid TOML value", "a value");
+        Problems::from(problem)
+    })?;
+    read(&table).map_err(|found| {
+        let in_json = |(key, message): KeyProblem| (key, message.replace("a table", "an object"));
+        json_problems(file, text, found.into_iter().map(in_json).collect())
+    })
+}
+
+/// Finds the lines of problems in JSON; that of a missing key is the line of the object that should have it.
+pub fn json_problems(file: &str, text: &str, found: Vec<KeyProblem>) -> Problems {
+    let keys = found.iter().flat_map(|(key, _)| outwards(key)).map(str::to_owned).collect();
+    let lines = lines_of(text, &keys);
+    let placed = |(key, message): KeyProblem| {
+        let line = outwards(&key).find_map(|key| lines.get(key).copied()).or(Some(1));
+        Problem { file: file.to_owned(), line, key, message }
+    };
+    found.into_iter().map(placed).collect()
 }
 
 fn problem(file: &str, text: &str, error: &Error) -> Problem {
@@ -94,33 +122,73 @@ enum Open<'t> {
 
 /// Dotted key of the value that starts or was last read at the end of `text`.
 fn key_at(text: &[u8]) -> String {
-    let mut open: Vec<Open<'_>> = Vec::new();
-    let mut at = 0;
-    while let Some(byte) = text.get(at) {
-        at += 1;
-        match (byte, open.last_mut()) {
-            (b'{', _) => open.push(Open::Object(None)),
-            (b'[', _) => open.push(Open::Array(0)),
-            (b'}' | b']', _) => drop(open.pop()),
-            (b',', Some(Open::Object(key))) => *key = None,
-            (b',', Some(Open::Array(index))) => *index += 1,
-            (b'"', around) => {
-                let inside = &text[at..];
-                let length = length_of_text(inside);
-                if let Some(Open::Object(key @ None)) = around {
-                    *key = Some(&inside[..length]);
-                }
-                at += length + 1;
-            }
-            _ => {}
-        }
-    }
+    dotted(&scan(text, |_, _| {}))
+}
+
+fn dotted(open: &[Open<'_>]) -> String {
     open.iter().fold(String::new(), |way, around| match around {
         Open::Object(None) => way,
         Open::Object(Some(name)) if way.is_empty() => String::from_utf8_lossy(name).into_owned(),
         Open::Object(Some(name)) => format!("{way}.{}", String::from_utf8_lossy(name)),
         Open::Array(index) => format!("{way}[{index}]"),
     })
+}
+
+/// Containers that are open at the end of a text. `at_place` is called for each key of an object and each element of an
+/// array, with the containers around its value and its offset.
+fn scan<'t>(text: &'t [u8], mut at_place: impl FnMut(&[Open<'t>], usize)) -> Vec<Open<'t>> {
+    let mut open: Vec<Open<'t>> = Vec::new();
+    let next = |at: usize| at + text[at..].iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+    let mut at = 0;
+    while let Some(byte) = text.get(at) {
+        at += 1;
+        match (byte, open.last_mut()) {
+            (b'{', _) => open.push(Open::Object(None)),
+            (b'[', _) => {
+                open.push(Open::Array(0));
+                at_place(&open, next(at));
+            }
+            (b'}' | b']', _) => drop(open.pop()),
+            (b',', Some(Open::Object(key))) => *key = None,
+            (b',', Some(Open::Array(index))) => {
+                *index += 1;
+                at_place(&open, next(at));
+            }
+            (b'"', around) => {
+                let inside = &text[at..];
+                let length = length_of_text(inside);
+                if let Some(Open::Object(key @ None)) = around {
+                    *key = Some(&inside[..length]);
+                    at_place(&open, at);
+                }
+                at += length + 1;
+            }
+            _ => {}
+        }
+    }
+    open
+}
+
+/// Lines of some dotted keys, starting at 1; those of missing keys are missing.
+fn lines_of(text: &str, keys: &BTreeSet<String>) -> BTreeMap<String, usize> {
+    let text = text.as_bytes();
+    let (mut counted, mut line) = (0, 1);
+    let mut found = BTreeMap::new();
+    scan(text, |open, at| {
+        let until = at.min(text.len());
+        line += text[counted..until].iter().filter(|byte| **byte == b'\n').count();
+        counted = until;
+        let key = dotted(open);
+        if keys.contains(&key) {
+            found.entry(key).or_insert(line);
+        }
+    });
+    found
+}
+
+/// The key, then each key around it, up to the whole text.
+fn outwards(key: &str) -> impl Iterator<Item = &str> {
+    std::iter::successors(Some(key), |key| key.rfind(['.', '[']).map(|end| &key[..end]))
 }
 
 /// Number of bytes before the closing quote of a string.
@@ -230,5 +298,38 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn all_problems_of_an_object_are_found_with_their_lines() {
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Inner {
+            _speed_mps: f64,
+        }
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Outer {
+            _cars: Vec<Inner>,
+            _name: String,
+        }
+        let text = "{\n \"_cars\": [\n  { \"_speed_mps\": \"a, [b\" },\n  {},\n  { \"_speed_mps\": 1,\n    \"_sped\": 2 }\n ]\n}";
+        let problems = read_json::<Outer>("f.json", text).unwrap_err();
+        let found: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            found,
+            [
+                "f.json:3: _cars[0]._speed_mps: expected a number, found the text \"a, [b\"",
+                "f.json:4: _cars[1]._speed_mps: is missing: expected a number",
+                "f.json:6: _cars[2]._sped: unknown key; did you mean `_speed_mps`?",
+                "f.json:1: _name: is missing: expected a text",
+            ]
+        );
+        assert!(
+            read_json::<Outer>("f.json", "{ \"_cars\": null }").unwrap_err()[0]
+                .to_string()
+                .contains("found null")
+        );
+        assert!(read_json::<Outer>("f.json", "[]").is_err() && read_json::<Outer>("f.json", "{").is_err());
     }
 }

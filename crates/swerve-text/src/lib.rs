@@ -32,7 +32,7 @@ pub use document::{Document, read_given_text, read_text, unreadable};
 pub use file::{FILE_MAX, open_file, read_bytes, read_given, read_string};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use gzip::unpacked;
-pub use json::from_json;
+pub use json::{from_json, json_problems, read_json};
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};

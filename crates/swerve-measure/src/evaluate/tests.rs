@@ -12,10 +12,10 @@ struct Line {
     args: EvalArgs,
 }
 
-struct Folder(TempDir);
+pub(super) struct Folder(TempDir);
 
 impl Folder {
-    fn with(files: &[(&str, &str)]) -> Self {
+    pub(super) fn with(files: &[(&str, &str)]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         for (name, text) in files {
             let path = folder.path().join(name);
@@ -30,18 +30,27 @@ impl Folder {
     }
 
     /// Output of `swerve eval` for a command line in which `@` is the folder.
-    fn eval(&self, words: &str, as_json: bool) -> anyhow::Result<String> {
+    pub(super) fn eval(&self, words: &str, as_json: bool) -> anyhow::Result<String> {
         let words = words.replace('@', &format!("{}/", self.0.path().display()));
         let json = as_json.then_some("--json");
         let line = Line::try_parse_from(std::iter::once("eval").chain(words.split(' ')).chain(json))?;
-        result(&line.args, &swerve_stack::Registry::standard())
+        Ok(output(&line.args, &swerve_stack::Registry::standard())?.0)
     }
 
-    fn numbers(&self, words: &str) -> Value {
+    pub(super) fn numbers(&self, words: &str) -> Value {
         serde_json::from_str(&self.eval(words, true).unwrap()).unwrap()
     }
 
-    fn error(&self, words: &str) -> String {
+    /// Problem with which the command ends after its output.
+    pub(super) fn problem(&self, words: &str) -> Option<String> {
+        let place = format!("{}/", self.0.path().display());
+        let words = words.replace('@', &place);
+        let line = Line::try_parse_from(std::iter::once("eval").chain(words.split(' '))).unwrap();
+        let (_, problem) = output(&line.args, &swerve_stack::Registry::standard()).unwrap();
+        problem.map(|problem| problem.replace(&place, ""))
+    }
+
+    pub(super) fn error(&self, words: &str) -> String {
         let place = format!("{}/", self.0.path().display());
         format!("{:#}", self.eval(words, true).unwrap_err()).replace(&place, "")
     }

@@ -49,6 +49,7 @@ fn stream_without_end_is_refused_wherever_one_is_read_whole() {
     for args in [
         "track --tracker sort --out tracks.txt /dev/stdin",
         "eval localization /dev/stdin",
+        "eval score /dev/stdin",
         "map check --map /dev/stdin short.toml",
         "map show /dev/stdin",
         "run /dev/stdin",

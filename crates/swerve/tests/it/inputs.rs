@@ -41,6 +41,7 @@ fn pipes_and_devices_are_refused_by_every_reader_without_waiting() {
         "replay p.mcap",
         "track --tracker sort --out t.txt p",
         "eval localization p",
+        "eval score p",
         "map check --map p short.toml",
         "map show p",
         "look --signs p.png",
