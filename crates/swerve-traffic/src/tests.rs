@@ -1,0 +1,11 @@
+//! Tests of traffic: whole drives on maps.
+
+mod changes;
+mod draws;
+mod drives;
+mod following;
+mod junctions;
+mod long;
+mod people;
+mod run;
+mod world;
