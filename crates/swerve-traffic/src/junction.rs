@@ -51,7 +51,7 @@ impl Junctions<'_> {
         let mut can = vec![false; cars.len()];
         let mut order: Vec<(f64, usize)> = Vec::new();
         for (who, car) in cars.iter_mut().enumerate().filter(|(_, car)| !car.is_hit) {
-            self.withdraw(car);
+            self.withdraw(car, reds[who]);
             let Some(block) = car.next_block() else { continue };
             let to_m = block.stop_m - car.x_m;
             let v = car.speed_mps;
@@ -59,7 +59,7 @@ impl Junctions<'_> {
                 car.waits_s = 0.0;
                 continue;
             }
-            let is_red = reds[who].is_some_and(|red_m| red_m < block.begin_m);
+            let is_red = reds[who].is_some_and(|red_m| red_m < block.end_m);
             let must_stop = block.has_stop_sign && !(car.stands_s >= STOP_SIGN_S && to_m < 3.0);
             can[who] = !is_red && !must_stop && !car.is_held;
             if !is_red && !must_stop {
@@ -92,11 +92,14 @@ impl Junctions<'_> {
         granted
     }
 
-    /// Takes back grants of a driver who can still stop.
-    fn withdraw(&self, car: &mut Car) {
+    /// Takes back grants of a driver who can still stop, or whom a red light holds.
+    fn withdraw(&self, car: &mut Car, red_m: Option<f64>) {
         let v = car.speed_mps;
         let stops_m = v * v / (2.0 * self.params.brake_mps2) + 0.3;
-        while car.grants.back().is_some_and(|grant| grant.stop_m - car.x_m > stops_m) {
+        let is_void = |grant: &Grant| {
+            grant.stop_m - car.x_m > stops_m || red_m.is_some_and(|red_m| grant.until_m > red_m)
+        };
+        while car.grants.back().is_some_and(is_void) {
             car.grants.pop_back();
         }
     }

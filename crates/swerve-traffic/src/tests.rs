@@ -3,6 +3,7 @@
 mod changes;
 mod draws;
 mod drives;
+mod flow;
 mod following;
 mod junctions;
 mod long;
