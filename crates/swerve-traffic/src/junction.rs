@@ -27,6 +27,11 @@ const CLEAR_S: f64 = 0.5;
 /// Speed below which a driver waits, m/s, and time at rest before a stop sign, seconds.
 const REST_MPS: f64 = 0.3;
 const STOP_SIGN_S: f64 = 1.0;
+/// Time at rest after which a driver goes although there is no room beyond, seconds. Roads that are full in a circle
+/// move on by that.
+const FULL_S: f64 = 60.0;
+/// Seconds of arrival that a second of waiting counts for in the order of drivers.
+const WAITING_SHARE: f64 = 0.1;
 
 /// What a tick of all junctions reads.
 pub(crate) struct Junctions<'a> {
@@ -43,6 +48,8 @@ pub(crate) struct Junctions<'a> {
 pub(crate) struct Granted {
     /// Circles of drivers who gave way to each other, resolved.
     pub(crate) circles: u64,
+    /// Drivers who went although there was no room beyond, to resolve circles of full roads.
+    pub(crate) full_roads: u64,
 }
 
 impl Junctions<'_> {
@@ -63,11 +70,12 @@ impl Junctions<'_> {
             let must_stop = block.has_stop_sign && !(car.stands_s >= STOP_SIGN_S && to_m < 3.0);
             can[who] = !is_red && !must_stop && !car.is_held;
             if !is_red && !must_stop {
-                order.push((to_m.max(0.0) / v.max(5.0), who));
+                order.push((to_m.max(0.0) / v.max(5.0) - WAITING_SHARE * car.waits_s, who));
             }
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut waiting: Vec<(usize, Vec<usize>)> = Vec::new();
+        let mut without_room: Option<usize> = None;
         for (_, who) in order {
             let refusal = self.refusal(cars, who, &can);
             let car = &mut cars[who];
@@ -81,13 +89,24 @@ impl Junctions<'_> {
                     }
                     car.waits_s += self.dt_s;
                 }
-                Some(_) => car.waits_s += self.dt_s,
+                Some(Refusal::Behind) => {}
+                Some(Refusal::Taken) => car.waits_s += self.dt_s,
+                Some(Refusal::Room) => {
+                    car.waits_s += self.dt_s;
+                    if car.waits_s > FULL_S && car.stands_s > FULL_S && !car.at_red {
+                        without_room = without_room.into_iter().chain([who]).min();
+                    }
+                }
             }
         }
         let mut granted = Granted::default();
         if let Some(first) = circle(waiting) {
             self.give(&mut cars[first], number);
             granted.circles = 1;
+        }
+        if let Some(first) = without_room {
+            self.give(&mut cars[first], number);
+            granted.full_roads = 1;
         }
         granted
     }

@@ -57,6 +57,8 @@ pub(crate) struct Scene {
     on: Vec<Vec<On>>,
     coming: Vec<Vec<Coming>>,
     touched: Vec<usize>,
+    /// Lanes with zones, and those just behind: only for these, it is known who is coming.
+    is_listed: Vec<bool>,
     bounds: Vec<[Point2; 2]>,
     pub(crate) others: Vec<Other>,
     pub(crate) cars: usize,
@@ -72,8 +74,17 @@ impl Scene {
             [ends(f64::min).unwrap_or_default(), ends(f64::max).unwrap_or_default()]
         });
         let bounds = bounds.collect();
+        let has_zones = |lane: usize| !net.lane(lane).zones.is_empty();
+        let is_listed = |lane: usize| has_zones(lane) || net.lane(lane).before.iter().any(|k| has_zones(*k));
+        let is_listed = (0..net.lanes.len()).map(is_listed).collect();
         let count = net.lanes.len();
-        Self { on: vec![Vec::new(); count], coming: vec![Vec::new(); count], bounds, ..Self::default() }
+        Self {
+            on: vec![Vec::new(); count],
+            coming: vec![Vec::new(); count],
+            bounds,
+            is_listed,
+            ..Self::default()
+        }
     }
 
     /// Enters all vehicles.
@@ -94,7 +105,7 @@ impl Scene {
                 if begin_m > car.x_m + COMING_M {
                     break;
                 }
-                if !net.lane(lane).zones.is_empty() {
+                if self.is_listed[lane] {
                     self.coming[lane].push(Coming { who, begin_m });
                     self.touched.push(lane);
                 }
@@ -166,6 +177,13 @@ impl Scene {
     /// Vehicles that are on a lane or will use it.
     pub(crate) fn coming(&self, lane: usize) -> &[Coming] {
         &self.coming[lane]
+    }
+
+    /// Bodies on a part of a lane, in order.
+    pub(crate) fn between(&self, lane: usize, [from_m, to_m]: [f64; 2]) -> impl Iterator<Item = &On> {
+        let on = &self.on[lane];
+        let begin = on.partition_point(|body| body.s_m <= from_m);
+        on[begin..].iter().take_while(move |body| body.s_m < to_m)
     }
 
     /// First body beyond a place of a lane that is not `who`.

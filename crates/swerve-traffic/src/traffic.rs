@@ -187,6 +187,7 @@ impl Traffic {
             self.cars.iter_mut().map(|car| if car.is_hit { None } else { junctions.red_m(car) }).collect();
         let granted = junctions.grant(&mut self.cars, &reds, &mut self.number);
         self.counts.circles += granted.circles;
+        self.counts.full_roads += granted.full_roads;
         let walls: Vec<Vec<f64>> = self.cars.iter().map(|car| self.walkers.stops_m(&self.net, car)).collect();
         let decide = |who: usize| junctions.decide(&self.cars, who, reds[who], &walls[who]);
         let decisions: Vec<(f64, bool)> = (0..self.cars.len()).map(decide).collect();

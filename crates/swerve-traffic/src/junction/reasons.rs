@@ -1,6 +1,6 @@
 //! Reasons why a driver may not enter a block of zones now.
 
-use super::{CLEAR_S, Junctions};
+use super::{CLEAR_S, Junctions, REST_MPS};
 use crate::car::{Block, Car};
 use crate::net::{Meeting, Zone};
 use crate::scene::Coming;
@@ -9,8 +9,16 @@ use crate::scene::Coming;
 const GAIN_MPS2: f64 = 1.5;
 /// Deceleration that an impatient driver imposes on others, m/s².
 const IMPOSED_MPS2: f64 = 1.5;
-/// Length beyond a block that is looked at for room, metres.
-const ROOM_M: f64 = 40.0;
+/// Length beyond a block that is looked at for room, metres, and the length that a vehicle in a queue takes in addition to
+/// its gap.
+const ROOM_M: f64 = 100.0;
+const SLACK_M: f64 = 0.5;
+/// Length before the end of a block in which others are about to leave it, metres.
+const NEAR_M: f64 = 40.0;
+/// Length beyond a block on which the ways that leave it are one, metres.
+const BEYOND_M: f64 = 4.0;
+/// Speed below which a vehicle may be about to stop, m/s.
+const CRAWLS_MPS: f64 = 1.0;
 /// Speed below which a body that is not ours counts as one that stays, m/s.
 const STAYS_MPS: f64 = 0.5;
 
@@ -109,43 +117,47 @@ impl Junctions<'_> {
 
     /// True if a driver who has waited long may make another brake comfortably.
     fn may_impose(&self, cars: &[Car], who: usize, other: &Car, other_in_m: f64) -> bool {
-        let v = other.speed_mps;
-        cars[who].waits_s > self.params.patience_s && other_in_m > v * v / (2.0 * IMPOSED_MPS2) + v + 3.0
+        let (v, waits_s) = (other.speed_mps, cars[who].waits_s);
+        let brakes = other_in_m > v * v / (2.0 * IMPOSED_MPS2) + v + 3.0;
+        // Of two who wait, the one who has waited for longer goes first.
+        let waits_less = v < REST_MPS && other.waits_s < waits_s;
+        waits_s > self.params.patience_s && (brakes || waits_less)
     }
 
-    /// True if there is room beyond a block for this driver and all who go there before it.
+    /// True if there is room beyond a block for this driver and all who go there before it, also if everybody there
+    /// closes up behind the next place to wait.
     fn has_room(&self, cars: &[Car], who: usize, block: &Block) -> bool {
         let car = &cars[who];
-        let Some(at) = car.way.iter().rposition(|(_, begin_m)| *begin_m <= block.end_m) else { return true };
-        let mut free_m = f64::INFINITY;
-        for &(lane, begin_m) in car.way.iter().skip(at) {
-            if begin_m > block.end_m + ROOM_M {
-                break;
+        let end_m = block.end_m;
+        let Some(at) = car.way.iter().rposition(|(_, begin_m)| *begin_m <= end_m) else { return true };
+        let next = car.blocks.iter().find(|next| next.begin_m > end_m).map(|next| next.stop_m + car.half_m());
+        let to_m = next.unwrap_or(f64::INFINITY).min(end_m + ROOM_M);
+        let (mut free_m, mut moving_m) = (to_m - end_m, 0.0);
+        'bodies: for &(lane, begin_m) in car.way.iter().skip(at).take_while(|(_, begin_m)| *begin_m < to_m) {
+            let on = self.scene.between(lane, [end_m - begin_m, to_m - begin_m]);
+            for body in on.filter(|body| body.who != who) {
+                if body.speed_mps < CRAWLS_MPS {
+                    // It may stay where it is.
+                    free_m = free_m.min(begin_m + body.s_m - body.half_m - end_m);
+                    break 'bodies;
+                }
+                moving_m += 2.0 * body.half_m + car.idm.stand_gap_m + SLACK_M;
             }
-            if let Some(body) = self.scene.ahead_on(lane, block.end_m - begin_m, who) {
-                let v = body.speed_mps;
-                let will_m = 0.5 * v * v / (2.0 * self.params.brake_mps2);
-                free_m = begin_m + body.s_m - body.half_m - block.end_m + will_m;
-                break;
-            }
         }
-        let next = car.blocks.iter().find(|next| next.begin_m > block.end_m);
-        if let Some(next) = next.filter(|next| next.stop_m < block.end_m + ROOM_M) {
-            free_m = free_m.min(next.stop_m + car.half_m() - block.end_m);
-        }
-        if free_m > ROOM_M {
-            return true;
-        }
-        let (lane, begin_m) = car.way[at];
-        let s_m = block.end_m - begin_m;
+        // Ways that meet do so shortly after their last zones at the latest.
+        let beyond = car.way.iter().rposition(|(_, begin_m)| *begin_m <= end_m + BEYOND_M).unwrap_or(at);
+        let (lane, begin_m) = car.way[beyond];
+        let s_m = end_m - begin_m;
         let before = self.scene.coming(lane).iter().filter_map(|coming| {
             let other = cars.get(coming.who).filter(|_| coming.who != who)?;
             let place_m = coming.begin_m + s_m;
-            let goes_there = other.x_m < place_m && other.grant_at(place_m - 0.5).is_some();
-            goes_there.then_some(other.extent.length_m + other.idm.stand_gap_m)
+            let is_near = (0.0..NEAR_M).contains(&(place_m - other.x_m));
+            // Nothing holds it before that place.
+            let goes_there = is_near && other.next_block().is_none_or(|held| held.begin_m > place_m - 1.0);
+            goes_there.then_some(other.extent.length_m + other.idm.stand_gap_m + SLACK_M)
         });
-        let taken_m: f64 = before.sum();
-        free_m - taken_m >= car.half_m() + car.idm.stand_gap_m
+        let taken_m = moving_m + before.sum::<f64>();
+        free_m - taken_m >= car.half_m() + car.idm.stand_gap_m + 2.0 * SLACK_M
     }
 
     pub(super) fn x_m(&self, cars: &[Car], who: usize) -> f64 {

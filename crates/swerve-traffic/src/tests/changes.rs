@@ -41,7 +41,7 @@ fn road(mark: MarkKind, in_junction: bool) -> Arc<Map> {
 fn overtakes(map: &Arc<Map>) -> bool {
     let setup = TrafficSetup { vehicles: 2, ..TrafficSetup::default() };
     // Lanes inside a junction are not entered: cars begin on a map without.
-    let mut traffic = Traffic::new(Arc::clone(map), &setup, lights(), 3, &[]);
+    let mut traffic = Traffic::new(Arc::clone(map), &setup, lights(map), 3, &[]);
     while traffic.cars.len() < 2 {
         let car = crate::spawn::vehicle(&setup, 3, false, traffic.cars.len(), swerve_msg::ActorId(9));
         traffic.cars.push(car);

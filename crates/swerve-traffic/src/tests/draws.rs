@@ -7,7 +7,9 @@ use crate::{Traffic, TrafficSetup};
 
 fn traffic(vehicles: usize, pedestrians: usize, cyclists: usize, reserved: &[Obb]) -> Traffic {
     let setup = TrafficSetup { vehicles, pedestrians, cyclists, ..TrafficSetup::default() };
-    Traffic::new(scenario_map("roundabout.xodr"), &setup, lights(), 7, reserved)
+    let map = scenario_map("roundabout.xodr");
+    let lights = lights(&map);
+    Traffic::new(map, &setup, lights, 7, reserved)
 }
 
 #[test]

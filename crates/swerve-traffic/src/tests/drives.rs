@@ -10,7 +10,7 @@ use crate::{Traffic, TrafficSetup};
 /// Drives with seeds and checks what holds in every drive.
 fn check(name: &str, map: &Arc<Map>, setup: &TrafficSetup, seeds: core::ops::Range<u64>, seconds: f64) {
     for seed in seeds {
-        let mut traffic = Traffic::new(Arc::clone(map), setup, lights(), seed, &[]);
+        let mut traffic = Traffic::new(Arc::clone(map), setup, lights(map), seed, &[]);
         let count = traffic.cars.len();
         let sums = drive(&mut traffic, seconds, |_| Vec::new());
         let mean_mps = sums.covered_m / seconds / count as f64;

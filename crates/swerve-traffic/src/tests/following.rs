@@ -35,7 +35,7 @@ fn gaps_on_a_ring_are_those_of_the_equilibrium() {
     for vehicles in [40, 60, 90] {
         let drivers = DriverParams::uniform(idm);
         let setup = TrafficSetup { vehicles, drivers, ..TrafficSetup::default() };
-        let mut traffic = Traffic::new(ring(), &setup, lights(), 5, &[]);
+        let mut traffic = Traffic::new(ring(), &setup, lights(&ring()), 5, &[]);
         assert_eq!(traffic.cars.len(), vehicles);
         traffic.advance_alone(swerve_core::Time::ZERO + swerve_core::Span::from_secs(1500.0));
         let length_m: f64 = traffic.net.lanes.iter().map(|lane| lane.length_m).sum();

@@ -28,10 +28,13 @@ fn read(path: &Path) -> Arc<Map> {
     MapFile::read(&path.display().to_string(), &text).unwrap().map
 }
 
-/// Lights that change between green, yellow and red, half of them at a time.
-pub(super) fn lights() -> Lights {
-    Lights::new(|id, at| {
-        let into_s = (at.as_secs() + f64::from(id.0 % 2) * 20.0) % 40.0;
+/// Lights that change between green, yellow and red, in turn for the two axes of the map.
+pub(super) fn lights(map: &Arc<Map>) -> Lights {
+    let map = Arc::clone(map);
+    Lights::new(move |id, at| {
+        let heading_rad = map.signal(id).map_or(0.0, |signal| signal.heading_rad);
+        let along_y = swerve_geom::math::sin(heading_rad).abs() > 0.7;
+        let into_s = (at.as_secs() + if along_y { 20.0 } else { 0.0 }) % 40.0;
         match into_s {
             s if s < 15.0 => Aspect::Green,
             s if s < 18.0 => Aspect::Yellow,
@@ -129,7 +132,7 @@ pub(super) fn overlaps(traffic: &Traffic, now: Time) -> u64 {
 /// Traffic of cars alone.
 pub(super) fn cars(map: &Arc<Map>, vehicles: usize, seed: u64) -> Traffic {
     let setup = TrafficSetup { vehicles, ..TrafficSetup::default() };
-    Traffic::new(Arc::clone(map), &setup, lights(), seed, &[])
+    Traffic::new(Arc::clone(map), &setup, lights(map), seed, &[])
 }
 
 /// Puts a vehicle onto a way of lanes, at a place on the first one.

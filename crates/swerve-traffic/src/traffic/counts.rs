@@ -11,6 +11,9 @@ pub struct Counts {
     pub deadlocks: u64,
     /// Circles of drivers who gave way to each other, resolved by letting the one with the lowest identity go first.
     pub circles: u64,
+    /// Drivers who entered a junction although there was no room beyond, after 60 s: of roads that are full in a circle,
+    /// nobody could move otherwise.
+    pub full_roads: u64,
     /// Lane changes begun.
     pub lane_changes: u64,
     /// Ticks at which a driver braked harder than a car can, m/s², to prevent a contact.
