@@ -14,7 +14,7 @@ use crate::setup::TrafficSetup;
 /// Most places that are tried for a vehicle.
 const TRIES: usize = 400;
 /// Free length before and behind a vehicle at the start, and free width on each side, metres.
-const FREE_M: [f64; 2] = [5.0, 0.4];
+pub(crate) const AT_START_M: [f64; 2] = [5.0, 0.4];
 /// Fastest lane that cyclists use, m/s.
 const CYCLES_MPS: f64 = 17.0;
 
@@ -102,9 +102,6 @@ impl Entries {
         None
     }
 }
-
-/// Free ground around a vehicle at the start, metres: ahead and behind, and at the sides.
-pub(crate) const AT_START_M: [f64; 2] = FREE_M;
 
 /// A driver and its vehicle, not yet on a lane.
 pub(crate) fn vehicle(setup: &TrafficSetup, seed: u64, cycles: bool, key: usize, id: ActorId) -> Car {
