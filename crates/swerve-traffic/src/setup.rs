@@ -39,8 +39,8 @@ impl Default for TrafficSetup {
 
 /// Behaviour of drivers. Each driver draws its values from the ranges.
 ///
-/// Car following: Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2, city traffic, with accelerations of
-/// chapter 11.3. Lane changes: chapter 14.
+/// The defaults are near those for city traffic in Treiber and Kesting, "Traffic Flow Dynamics" (2013), chapters 11 (car
+/// following) and 14 (lane changes).
 #[derive(Clone, PartialEq, Debug)]
 pub struct DriverParams {
     /// Desired speed as a ratio to the speed limit, lowest and highest.
