@@ -7,7 +7,6 @@
 
 mod filter;
 mod history;
-mod idm;
 mod lane_following;
 pub mod learned;
 pub mod linear;

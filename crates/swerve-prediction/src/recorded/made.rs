@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use swerve_core::{Rng, Span};
 use swerve_geom::{Point2, Vector2, math};
 use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_road_user::idm::{Idm, STAND_GAP_M};
 
 use super::{RecordedTrack, Recording};
-use crate::idm::Driver;
 use crate::predictor::orca::{self, Agent};
 
 /// Step of the simulation, and number of steps between two recorded ones.
@@ -103,7 +103,8 @@ impl Car {
         let near_bend = (self.s_m - (FAR_M - STOP_M)).abs() < 12.0;
         let bend_mps = self.way.bend().filter(|_| near_bend).map(|(radius_m, _)| (2.0 * radius_m).sqrt());
         let free_mps = bend_mps.map_or(self.wanted_mps, |most| most.min(self.wanted_mps));
-        let driver = Driver { gain_mps2: 1.5, brake_mps2: 2.0, headway_s: self.headway_s };
+        let driver =
+            Idm { gain_mps2: 1.5, brake_mps2: 2.0, headway_s: self.headway_s, stand_gap_m: STAND_GAP_M };
         (driver.acceleration_mps2(self.speed_mps, free_mps, next) + self.mood_mps2).clamp(-7.0, 2.5)
     }
 }

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use swerve_geom::math;
 use swerve_map::LaneId;
+use swerve_road_user::idm::{Idm, STAND_GAP_M};
 
 use super::place::{Along, Position, walks};
-use crate::idm::{self, STAND_GAP_M};
 use crate::past::Past;
 use crate::predictor::{Horizon, Tracked};
 
@@ -117,7 +117,8 @@ impl<'a> Driver<'a> {
         let curvature_1pm = self.along.curvature_1pm(self.on_m + self.speed_mps).abs();
         let bend_mps = (LATERAL_MPS2 / curvature_1pm.max(1e-6)).sqrt();
         let headway_s = HEADWAY_S + (self.headway_s - HEADWAY_S) * fading.headway;
-        let driver = idm::Driver { gain_mps2: GAIN_MPS2, brake_mps2: BRAKE_MPS2, headway_s };
+        let driver =
+            Idm { gain_mps2: GAIN_MPS2, brake_mps2: BRAKE_MPS2, headway_s, stand_gap_m: STAND_GAP_M };
         let behind =
             |next| driver.acceleration_mps2(self.speed_mps, self.wanted_mps.min(bend_mps).max(0.1), next);
         let gap = self.leader.zip(leader).map(|((_, gap_m), (on_m, mps))| (gap_m + on_m - self.on_m, mps));
