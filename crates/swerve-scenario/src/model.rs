@@ -4,6 +4,7 @@ use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
+use crate::parse::usual_mass_kg;
 use crate::{Course, Expectation, Road, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
@@ -409,6 +410,24 @@ impl Scenario {
 }
 
 impl Actor {
+    /// An actor of the usual mass that stands at a pose of its centre until another driver than a script moves it.
+    pub fn at_rest(id: ActorId, name: String, kind: ActorKind, extent: Extent, pose: Pose2) -> Self {
+        let behind = pose.point() - pose.direction();
+        Self {
+            id,
+            name,
+            kind,
+            extent,
+            mass_kg: usual_mass_kg(kind),
+            line: Polyline::new(&[behind, pose.point()]).ok().map(Arc::new),
+            s_m: 1.0,
+            d_m: 0.0,
+            heading_rad: 0.0,
+            trigger: None,
+            motion: Vec::new(),
+        }
+    }
+
     /// Line that it is placed by, given that of the road.
     pub fn line<'a>(&'a self, road: &'a Polyline) -> &'a Polyline {
         self.line.as_deref().unwrap_or(road)

@@ -12,6 +12,7 @@ use swerve_geom::Pose2;
 use swerve_msg::ActorId;
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
+pub(crate) use self::actor::usual_mass_kg;
 use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{

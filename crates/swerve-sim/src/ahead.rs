@@ -17,6 +17,7 @@ use swerve_world::{Driver, View};
 
 use crate::SimParams;
 use crate::scripted::Scripted;
+use crate::traffic::is_of_traffic;
 
 /// Distance from its scripted pose at which an actor counts as hit, metres.
 const OFF_SCRIPT_M: f64 = 0.05;
@@ -48,7 +49,8 @@ impl Ahead {
             id: actor.id,
             is_off_script: false,
         };
-        let actors = scenario.actors.iter().map(settled).collect();
+        let scripted = scenario.actors.iter().filter(|actor| !is_of_traffic(scenario, actor.id));
+        let actors = scripted.map(settled).collect();
         Self { shape: params.vehicle.shape, map: scenario.road.map(), actors, newest: None }
     }
 

@@ -1,7 +1,7 @@
 //! The simulated world: a rapier scene with the ego, scripted actors, collisions, infractions and sensors.
 //!
 //! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step: it is a
-//! `swerve_world::World`, and moves each actor by a `swerve_world::Driver`, which follows the script of the scenario.
+//! `swerve_world::World`, and moves each actor by a `swerve_world::Driver`: the script of the scenario, or its traffic.
 //! Sensors ([`sense`]) are
 //! functions of that state. Everything is a function of scenario, parameters and seed: no clock, no thread order, no
 //! unseeded random number.
@@ -24,9 +24,11 @@ mod script;
 mod scripted;
 pub mod sense;
 mod simulator;
+mod traffic;
 
 pub use ahead::Ahead;
 pub use simulator::{SimError, SimParams, Simulator};
+pub use traffic::with_traffic;
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 mod touch;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -11,6 +12,7 @@ use swerve_map::Map;
 use swerve_msg::truth::{Actor, EgoTruth, EndReason, Infraction, InfractionKind, WorldState};
 use swerve_msg::{ActorId, ActorKind, Command, Extent, Route};
 use swerve_scenario::{OtherEgo, Scenario};
+use swerve_traffic::GroupDriver;
 use swerve_vehicle::{Shape, VehicleParams};
 use swerve_world::{Driver, Movement, View, World};
 
@@ -21,6 +23,7 @@ use crate::contacts::Contacts;
 use crate::ego::EgoCar;
 use crate::rules::Rules;
 use crate::scripted::Scripted;
+use crate::traffic::{self, with_traffic};
 
 /// Simulation parameters.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -123,10 +126,10 @@ impl Simulator {
     /// # Errors
     /// If the step is out of range, or the ego (in the outline of `params`) does not start on free road.
     pub fn new(scenario: &Scenario, params: &SimParams, seed: u64) -> Result<Self, SimError> {
-        Self::exact(scenario.drawn(seed), params)
+        Self::exact(with_traffic(scenario.drawn(seed), &params.vehicle.shape, seed), params)
     }
 
-    /// Creates a run of the scenario exactly as given, without random draws.
+    /// Creates a run of the scenario exactly as given, without random draws but those of traffic that is not placed yet.
     ///
     /// # Errors
     /// Same as [`new`](Self::new).
@@ -134,6 +137,7 @@ impl Simulator {
         if params.dt < Span::from_ms(1) || params.dt > Span::from_ms(20) {
             return Err(SimError::Step(params.dt));
         }
+        let scenario = with_traffic(scenario, &params.vehicle.shape, 0);
         let mut world = PhysicsWorld::new();
         world.gravity = Vec3::new(0.0, 0.0, -9.81);
         world.integration_parameters.dt = params.dt.as_secs() as f32;
@@ -171,8 +175,15 @@ impl Simulator {
 
     fn populate(&mut self) {
         let line = Arc::new(self.route().line().clone());
+        let traffic = traffic::of_scenario(&self.scenario, &self.params.vehicle.shape);
+        let mut of_traffic: BTreeMap<ActorId, GroupDriver> =
+            traffic.map(|traffic| traffic.drivers().1.into_iter().collect()).unwrap_or_default();
         for actor in &self.scenario.actors {
-            let driver = Scripted::new(actor, &self.scenario, &line, self.params.dt);
+            let scripted = || Box::new(Scripted::new(actor, &self.scenario, &line, self.params.dt));
+            let driver: Box<dyn Driver> = match of_traffic.remove(&actor.id) {
+                Some(driver) => Box::new(driver),
+                None => scripted(),
+            };
             // An actor that moves from the start has a speed in the first state, too.
             let movement = driver.movement(Time::ZERO, Time::ZERO);
             let movement = movement.unwrap_or_else(|| Movement::at_rest(actor.pose(&line)));
@@ -186,7 +197,7 @@ impl Simulator {
                 velocity_mps: movement.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            self.actors.push(Player { body, driver: Box::new(driver), s_m: at.s_m });
+            self.actors.push(Player { body, driver, s_m: at.s_m });
             self.state.actors.push(state);
         }
         let others: Vec<Actor> =

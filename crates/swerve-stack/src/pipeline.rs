@@ -9,6 +9,7 @@ use swerve_flow::{Graph, Payload, Policy, RuntimeModel, SourceHandle};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Route};
 use swerve_scenario::Scenario;
+use swerve_sim::with_traffic;
 use swerve_text::in_one_line;
 use swerve_vehicle::VehicleParams;
 
@@ -240,7 +241,7 @@ fn last_step(timeout: Span, dt: Span) -> Time {
     Time::from_ns(steps * dt.ns())
 }
 
-/// The scenario with the configuration's speed, as its seed varies it.
+/// The scenario with the configuration's speed, as its seed varies it, with its traffic.
 pub fn drawn(setup: &Setup, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if let Some(speed) = setup.ego.speed_mps {
@@ -252,7 +253,11 @@ pub fn drawn(setup: &Setup, scenario: &Scenario) -> Scenario {
         // The other stack is not connected yet.
         scenario.ego.start_speed_mps = Some(0.0);
     }
-    if setup.sim.draws && setup.live.is_none() { scenario.drawn(setup.seed) } else { scenario }
+    if setup.live.is_some() {
+        return scenario;
+    }
+    let scenario = if setup.sim.draws { scenario.drawn(setup.seed) } else { scenario };
+    with_traffic(scenario, &setup.sim.vehicle.shape, setup.seed)
 }
 
 /// Problem of a run with several egos: each stack is in this process, in virtual time.

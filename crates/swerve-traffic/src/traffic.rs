@@ -161,17 +161,22 @@ impl Traffic {
     /// physics moves since a collision.
     pub fn movement(&self, id: ActorId, at: Time) -> Option<Movement> {
         let after_s = (at - self.tick).as_secs().clamp(0.0, 2.0 * self.setup.tick.as_secs());
-        if let Some(car) = self.cars.iter().find(|car| car.id == id) {
+        if let Some(car) = self.car(id).map(|k| &self.cars[k]) {
             let (pose, velocity_mps) = car.movement(&self.net, after_s);
             return (!car.is_hit).then_some(Movement { pose, velocity_mps });
         }
         self.walkers.movement(id, after_s)
     }
 
+    /// Index of a car or cyclist.
+    fn car(&self, id: ActorId) -> Option<usize> {
+        self.cars.binary_search_by_key(&id, |car| car.id).ok()
+    }
+
     /// Gives an actor up to physics.
     fn lose(&mut self, id: ActorId) {
-        if let Some(car) = self.cars.iter_mut().find(|car| car.id == id) {
-            car.is_hit = true;
+        if let Some(k) = self.car(id) {
+            self.cars[k].is_hit = true;
         }
         self.walkers.lose(id);
     }

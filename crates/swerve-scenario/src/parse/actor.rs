@@ -15,6 +15,11 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
 ];
 
+/// Mass of an actor that has none of its own, kg.
+pub(crate) fn usual_mass_kg(kind: ActorKind) -> f64 {
+    KINDS.iter().find(|(known, ..)| *known == kind).map_or(0.0, |(.., mass_kg)| *mass_kg)
+}
+
 /// Names and map that an actor is read with.
 pub(super) struct Setting<'a> {
     pub(super) id: ActorId,
@@ -34,8 +39,8 @@ pub(super) fn read(
     Setting { id, name, ego, known, on_map, map }: Setting<'_>,
 ) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
-    let known = table.one_of("kind", &kind_names);
-    let (kind, _, size, mass) = KINDS[known.unwrap_or(0)];
+    let named = table.one_of("kind", &kind_names);
+    let (kind, _, size, mass) = KINDS[named.unwrap_or(0)];
     let at_start = on_map && table.has("start");
     let motion = motions(table, kind);
     let fastest_mps = motion.iter().map(Motion::fastest_mps).fold(0.0, f64::max);
@@ -50,7 +55,7 @@ pub(super) fn read(
         id,
         name: name.to_owned(),
         kind,
-        extent: extent(table, known.map(|_| kind), size),
+        extent: extent(table, named.map(|_| kind), size),
         mass_kg: table.number_or("mass_kg", mass, Range::between(0.1, 100_000.0)),
         s_m: match &course {
             Some(course) => course.start_m,
