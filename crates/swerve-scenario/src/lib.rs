@@ -94,6 +94,11 @@
 //! kind = "car"
 //! start = { road = "1", lane = -1, s_m = 30.0 }       # ? in place of s_m, which is along the ego's route
 //! goal = { road = "3", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
+//!
+//! [traffic]                                           # ? road users that drive and walk by themselves, at most 2,000
+//! vehicles = 60                                       # ? 0
+//! pedestrians = 40                                    # ? 0
+//! cyclists = 5                                        # ? 0
 //! ```
 //!
 //! **Several egos**, each with a stack of its own, have a table each in place of `[ego]`. The first is the one that triggers

@@ -1,5 +1,5 @@
 use swerve_geom::FrenetPoint;
-use swerve_msg::Signal as Shown;
+use swerve_msg::{ActorId, Signal as Shown};
 
 use super::*;
 use crate::{Course as Ground, Scenario};
@@ -214,6 +214,34 @@ fn map_packed_by_gzip_is_the_same_map() {
     std::fs::write(folder.path().join("crossing.xodr.gz"), &packed(&course.text)[..999]).unwrap();
     let broken = Scenario::parse(folder.path().join("a.toml").to_str().unwrap(), &text).unwrap_err();
     assert!(broken.to_string().contains("packed by gzip, but broken"), "{broken}");
+}
+
+#[test]
+fn traffic_has_identities_after_the_actors_and_before_other_egos() {
+    let rest = "[traffic]\nvehicles = 20\npedestrians = 5\n\
+                [[actor]]\nname = \"parked\"\nkind = \"car\"\ns_m = 80.0\nd_m = -3.5\n";
+    let both = format!("{START}\n{GOAL}");
+    let scenario = sound("crossing.xodr", &both, rest);
+    let traffic = scenario.traffic.unwrap();
+    assert_eq!((traffic.vehicles, traffic.pedestrians, traffic.cyclists), (20, 5, 0));
+    assert_eq!((traffic.first_id, traffic.count(), traffic.seed), (ActorId(2), 25, None));
+    let second = format!("{both}\n[ego.b]\nstart = {{ road = \"1\", lane = -1, s_m = 50.0 }}\n{GOAL}");
+    let text = format!("name = \"test\"\n[map]\nfile = \"crossing.xodr\"\n{rest}\n[ego.a]\n{second}\n");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/test.toml");
+    let egos = Scenario::parse(file, &text).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(egos.egos(), [(ActorId::EGO, "a"), (ActorId(27), "b")]);
+    for (wrong, expected) in [
+        ("vehicles = -1", "traffic.vehicles: expected a whole number from 0 to 2000"),
+        ("vehicles = 1500\npedestrians = 501", "traffic: expected at most 2000 road users, found 2001"),
+        ("cars = 5", "traffic.cars: unknown key"),
+    ] {
+        let found = parsed("crossing.xodr", &both, &format!("[traffic]\n{wrong}\n")).unwrap_err();
+        assert!(found.contains(expected), "{wrong}: {found}");
+    }
+    let road = "name = \"x\"\n[road]\nsegments = [{ length_m = 50.0 }]\n[traffic]\nvehicles = 1\n\
+                [ego]\ntarget_speed_mps = 5.0\nend_m = 40.0\n";
+    let found = Scenario::parse("x.toml", road).unwrap_err().to_string();
+    assert!(found.contains("traffic: expected a scenario on a `[map]`"), "{found}");
 }
 
 #[test]
