@@ -1,5 +1,6 @@
 //! Lane maps.
 
+mod cells;
 mod path;
 
 use swerve_geom::{FrenetPoint, Point2, Polyline};
@@ -7,6 +8,7 @@ use swerve_geom::{FrenetPoint, Point2, Polyline};
 use crate::features::{FeatureError, Features};
 use crate::{Area, Crossing, Junction, JunctionId, Lane, LaneId, Neighbour, Signal, SignalId, StopLine};
 
+use cells::Cells;
 pub use path::LanePath;
 use path::Paths;
 
@@ -23,6 +25,7 @@ pub struct Map {
     lanes: Vec<Lane>,
     /// Axis-aligned bounding box of each lane.
     bounds: Vec<Bounds>,
+    cells: Cells,
     /// Predecessors of each lane, ordered by identity.
     predecessors: Vec<Vec<LaneId>>,
     features: Features,
@@ -157,7 +160,7 @@ impl Map {
         if let Some(two) = lanes.windows(2).find(|two| two[0].id == two[1].id) {
             return Err(MapError::Twice(two[0].id));
         }
-        let bounds = lanes.iter().map(Bounds::around).collect();
+        let bounds: Vec<Bounds> = lanes.iter().map(Bounds::around).collect();
         let mut predecessors = vec![Vec::new(); lanes.len()];
         for lane in &lanes {
             for next in &lane.successors {
@@ -170,7 +173,8 @@ impl Map {
         let junctions_of = by_lane(junctions);
         let signals_of = by_lane(features.signals.iter().map(|signal| signal.lanes.iter()));
         let paths = Paths::default();
-        let map = Self { lanes, bounds, predecessors, features, junctions_of, signals_of, paths };
+        let cells = Cells::new(&bounds);
+        let map = Self { lanes, bounds, cells, predecessors, features, junctions_of, signals_of, paths };
         map.lanes.iter().try_for_each(|lane| map.check(lane))?;
         map.features.check(&map.lanes)?;
         Ok(map)
@@ -300,8 +304,9 @@ impl Map {
 
     /// Lanes that contain a point, ordered by identity: several where lanes cross, merge or share a border.
     pub fn at(&self, point: Point2) -> impl Iterator<Item = LanePlace> + '_ {
-        let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, b)| b.has(point, 0.0));
-        near.filter_map(move |(lane, _)| lane.place_of(point).map(|place| LanePlace { lane: lane.id, place }))
+        let near = self.cells.at(point).iter().map(|k| *k as usize);
+        let near = near.filter(move |k| self.bounds[*k].has(point, 0.0)).map(|k| &self.lanes[k]);
+        near.filter_map(move |lane| lane.place_of(point).map(|place| LanePlace { lane: lane.id, place }))
     }
 
     /// Lane with the nearest centre line to a point, at any distance; the first of equally near ones. `None` only for

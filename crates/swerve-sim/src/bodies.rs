@@ -80,6 +80,14 @@ impl Body {
         Self { handle, collider, half_height_m, mode: if fixed { Mode::Fixed } else { Mode::Driven } }
     }
 
+    /// Takes the body out of the physics, or puts it back at a pose.
+    pub(crate) fn set_away(&self, world: &mut PhysicsWorld, is_away: bool, now: &Placed) {
+        let pose = self.pose(now);
+        let body = &mut world.bodies[self.handle];
+        body.set_enabled(!is_away);
+        body.set_position(pose, true);
+    }
+
     /// Moves the body to its pose at the end of the coming step.
     pub(crate) fn follow(&self, world: &mut PhysicsWorld, next: &Placed) {
         world.bodies[self.handle].set_next_kinematic_position(self.pose(next));

@@ -101,7 +101,17 @@ struct Player {
     driver: Box<dyn Driver>,
     /// Last position along the road, metres.
     s_m: f64,
+    /// For road users of the traffic, where the height of the ground was last looked up, and that height.
+    ground: Option<(Point2, f64)>,
+    /// True while it is too far from all that physics moves to be part of the physics.
+    is_away: bool,
 }
+
+/// Distance from the egos and from actors that were hit beyond which the traffic is no part of the physics, metres.
+const AWAY_M: f64 = 50.0;
+
+/// Way after which the height of the ground below a pedestrian of the traffic is looked up again, metres.
+const GROUND_M: f64 = 0.25;
 
 /// Maximum distance along the road in one step, metres.
 const STEP_MAX_M: f64 = 5.0;
@@ -197,7 +207,9 @@ impl Simulator {
                 velocity_mps: movement.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            self.actors.push(Player { body, driver, s_m: at.s_m });
+            let ground =
+                traffic::is_of_traffic(&self.scenario, actor.id).then_some((state.pose.point(), state.z_m));
+            self.actors.push(Player { body, driver, s_m: at.s_m, ground, is_away: false });
             self.state.actors.push(state);
         }
         let others: Vec<Actor> =
@@ -333,8 +345,14 @@ impl Simulator {
         Before { actors, loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
-    /// A movement of actor `i` on the ground.
+    /// A movement of actor `i` on the ground. Vehicles of the traffic stay on the road.
     fn placed(&self, i: usize, movement: Movement) -> Placed {
+        if let Some((at, z_m)) = self.actors[i].ground {
+            let point = movement.pose.point();
+            let walks = self.state.actors[i].kind == ActorKind::Pedestrian && at.distance(point) > GROUND_M;
+            let z_m = if walks { self.scenario.road.ground_m(point, 0.0) } else { z_m };
+            return Placed { movement, z_m, s_m: 0.0 };
+        }
         let line = self.scenario.actors[i].line(self.route().line());
         let at = line.project_near(movement.pose.point(), self.actors[i].s_m, STEP_MAX_M);
         let z_m = self.scenario.road.ground_m(movement.pose.point(), at.d_m);
@@ -354,7 +372,7 @@ impl Simulator {
 
     /// Prepares actor `i` for the step that ends at the present stamp.
     fn send(&mut self, i: usize, before: &Before) {
-        if self.actors[i].body.mode != Mode::Driven {
+        if self.actors[i].body.mode != Mode::Driven || self.is_away(i, before) {
             return;
         }
         if self.may_be_hit(i, before) {
@@ -365,6 +383,23 @@ impl Simulator {
         } else if let Some(next) = self.driven(i) {
             self.actors[i].body.follow(&mut self.world, &next);
         }
+    }
+
+    /// Returns true if actor `i` is of the traffic and far from all that physics moves; its body is then no part of it.
+    fn is_away(&mut self, i: usize, before: &Before) -> bool {
+        if self.actors[i].ground.is_none() {
+            return false;
+        }
+        let at = self.state.actors[i].pose.point();
+        let is_far = |point: Point2| at.distance(point) > AWAY_M;
+        let is_away = is_far(before.outline.center.point())
+            && before.loose.iter().all(|&j| is_far(self.state.actors[j].pose.point()));
+        if is_away != self.actors[i].is_away {
+            self.actors[i].is_away = is_away;
+            let now = self.placed(i, Movement::at_rest(self.state.actors[i].pose));
+            self.actors[i].body.set_away(&mut self.world, is_away, &now);
+        }
+        is_away
     }
 
     /// True if the ego or another dynamic body could touch actor `i` within one step.
@@ -410,7 +445,12 @@ impl Simulator {
 
     fn put(&mut self, i: usize, Placed { movement, z_m, s_m }: Placed) {
         let actor = &mut self.state.actors[i];
-        self.actors[i].s_m = s_m;
+        let player = &mut self.actors[i];
+        player.s_m = s_m;
+        let point = movement.pose.point();
+        if let Some(ground) = player.ground.as_mut().filter(|(at, _)| at.distance(point) > GROUND_M) {
+            *ground = (point, z_m);
+        }
         (actor.pose, actor.z_m, actor.velocity_mps) = (movement.pose, z_m, movement.velocity_mps);
     }
 

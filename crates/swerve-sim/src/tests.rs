@@ -4,6 +4,7 @@ mod drivers;
 mod egos;
 mod others;
 mod scenarios;
+mod traffic;
 
 use swerve_core::{Span, Time, digest_of};
 use swerve_msg::truth::{EndReason, WorldState};

@@ -91,3 +91,36 @@ fn map_text_is_the_list_of_lanes_and_is_checked() {
     let twice = text.replace("\"id\":2", "\"id\":1");
     assert!(serde_json::from_str::<Map>(&twice).unwrap_err().to_string().contains("lane 1 is there twice"));
 }
+
+#[test]
+fn lanes_at_a_point_are_all_that_contain_it() {
+    use proptest::prelude::*;
+    let coordinate = |reach: f64| -reach..reach;
+    let one = |reach: f64| prop::array::uniform4(coordinate(reach));
+    let maps = prop_oneof![Just(30.0), Just(300.0), Just(100_000.0)]
+        .prop_flat_map(move |reach| (prop::collection::vec(one(reach), 1..30), Just(reach)));
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    runner
+        .run(
+            &(maps, prop::collection::vec((0_usize..30, 0.0..1.0, -3.0..3.0), 30)),
+            |((ends, reach), near)| {
+                let lanes = (0..).zip(&ends).map(|(k, [a, b, c, d])| lane(k, &[(*a, *b), (*c + reach, *d)]));
+                let map = Map::new(lanes.collect()).unwrap();
+                for (k, along, aside_m) in near {
+                    // Points in lanes and just beside them, and some anywhere.
+                    let line = &map.lanes()[k % map.lanes().len()].line;
+                    let at = line.at(along * line.length()).pose;
+                    let point = at.point() + at.direction().left() * aside_m;
+                    let brute: Vec<u32> = map
+                        .lanes()
+                        .iter()
+                        .filter(|lane| lane.place_of(point).is_some())
+                        .map(|lane| lane.id.0)
+                        .collect();
+                    prop_assert_eq!(ids(&map, point.x_m, point.y_m), brute);
+                }
+                Ok(())
+            },
+        )
+        .unwrap();
+}
