@@ -18,7 +18,10 @@ pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
 /// Returns true if a key belongs to the scenario rather than the configuration: it is in a table that only scenarios
 /// have, or is `scenario.KEY`.
 pub fn is_scenario_key(key: &str) -> bool {
-    matches!(key.split('.').next(), Some("actor" | "end" | "expect" | "map" | "road" | "scenario" | "traffic"))
+    matches!(
+        key.split('.').next(),
+        Some("actor" | "end" | "expect" | "map" | "road" | "scenario" | "traffic")
+    )
 }
 
 impl Scenario {
