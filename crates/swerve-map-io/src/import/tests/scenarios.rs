@@ -1,7 +1,9 @@
 //! The maps of scenarios, which `scenarios/maps/make.py` makes, against counts worked out by hand.
 
-use swerve_geom::wrap_angle;
-use swerve_map::{LaneKind, Map, StopSign};
+use std::collections::BTreeSet;
+
+use swerve_geom::{angle_between, wrap_angle};
+use swerve_map::{Lane, LaneId, LaneKind, Map, StopSign};
 
 use super::{id, imported};
 use crate::import::Imported;
@@ -13,12 +15,17 @@ use crate::route::stop;
 use crate::testing::{networks, scenario_maps};
 
 /// Lanes for driving, shoulders and sidewalks; junctions, lanes inside, rights of way; signals, stop lines.
-const MAPS: [(&str, [usize; 8]); 7] = [
+///
+/// Driving lanes inside the junctions of the town: 6 at 10 T junctions, 12 and 14 at two crossings each, 4 at four ramps'
+/// ends, 3 at six arms of roundabouts, 6 at two places where ramps join and leave; 122 others. Rights of way: 4 at seven
+/// T junctions, 3 at two ends of exits, 1 at each arm of a roundabout.
+const MAPS: [(&str, [usize; 8]); 8] = [
     ("crossing.xodr", [20, 0, 12, 1, 16, 0, 4, 4]),
     ("crossing_priority.xodr", [20, 0, 12, 1, 16, 20, 0, 2]),
     ("crossing_right_first.xodr", [20, 0, 12, 1, 16, 0, 0, 0]),
     ("ramp.xodr", [14, 7, 0, 1, 5, 0, 0, 0]),
     ("roundabout.xodr", [24, 0, 20, 4, 20, 4, 0, 4]),
+    ("town.xodr", [280, 70, 102, 26, 230, 40, 14, 35]),
     ("two_lane_road.xodr", [2, 2, 0, 0, 0, 0, 0, 0]),
     ("two_ways.xodr", [20, 0, 14, 2, 18, 0, 0, 0]),
 ];
@@ -131,4 +138,53 @@ fn ramp_leads_to_the_motorway_by_one_lane_change() {
     let end = imported.map.lane(id(&network, &imported, ("2", 1, -3))).unwrap();
     assert!(end.successors.is_empty() && end.width_m(end.line.length()) < 0.01, "{end:?}");
     assert_eq!(way(&network, &imported, "3:-1:0", "2:-2:560").changes(), 1);
+}
+
+/// Lanes for driving that a car reaches from one: those that continue lanes, and those beside them.
+fn reached(map: &Map, from: LaneId, next: impl Fn(&Lane) -> Vec<LaneId>) -> BTreeSet<LaneId> {
+    let (mut reached, mut open) = (BTreeSet::from([from]), vec![from]);
+    while let Some(lane) = open.pop() {
+        for id in next(map.lane(lane).unwrap()) {
+            if map.lane(id).unwrap().kind == LaneKind::Driving && reached.insert(id) {
+                open.push(id);
+            }
+        }
+    }
+    reached
+}
+
+#[test]
+fn every_driving_lane_of_the_town_leads_to_every_other() {
+    let (network, imported) = read("town.xodr");
+    let map = &imported.map;
+    let beside = |lane: &Lane| {
+        let beside = [lane.left, lane.right].into_iter().flatten().filter(|beside| !beside.opposite);
+        beside.map(|beside| beside.lane).collect::<Vec<_>>()
+    };
+    let onwards = |lane: &Lane| [beside(lane), lane.successors.to_vec()].concat();
+    let before = |id: LaneId| map.lanes().iter().filter(move |lane| lane.successors.contains(&id));
+    let backwards = |lane: &Lane| [beside(lane), before(lane.id).map(|lane| lane.id).collect()].concat();
+    let from = id(&network, &imported, ("22", 0, -1));
+    let driving: BTreeSet<LaneId> =
+        map.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving).map(|lane| lane.id).collect();
+    assert_eq!(reached(map, from, onwards), driving);
+    assert_eq!(reached(map, from, backwards), driving);
+    // The second lanes of the motorway before the roundabouts, and the lanes of joining traffic.
+    let ends = driving.iter().filter(|id| map.lane(**id).unwrap().successors.is_empty());
+    assert_eq!(ends.count(), 4);
+}
+
+#[test]
+fn lanes_of_the_town_turn_with_radii_for_cars_and_crossings_have_lanes() {
+    let map = read("town.xodr").1.map;
+    for lane in map.junctions().iter().flat_map(|junction| &junction.lanes).filter_map(|id| map.lane(*id)) {
+        let [begin, end] = [0.0, lane.line.length()].map(|s_m| lane.line.at(s_m).pose.heading_rad);
+        let turn = angle_between(begin, end);
+        if lane.kind == LaneKind::Driving && turn.abs() > 1.0 {
+            let radius_m = lane.line.length() / turn.abs();
+            assert!(radius_m > if turn > 0.0 { 12.0 } else { 8.0 }, "{:?}: {radius_m} m", lane.id);
+        }
+    }
+    assert_eq!(map.crossings().len(), 26);
+    assert!(map.crossings().iter().all(|crossing| matches!(crossing.lanes.len(), 2 | 4)));
 }
