@@ -96,6 +96,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/maps/right_before_left.toml"
     "scenarios/maps/roundabout.toml"
     "scenarios/maps/town.toml"
+    "scenarios/maps/traffic.toml"
     "scenarios/maps/two_egos.toml"
     "scenarios/maps/crossing.xodr"
     "scenarios/maps/crossing_priority.xodr"
