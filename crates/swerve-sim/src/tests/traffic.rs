@@ -27,7 +27,7 @@ fn standing(sim: &mut Simulator) -> Vec<WorldState> {
     let step = |k: usize| {
         let state = sim.step(STAND).clone();
         assert!(state.collisions.is_empty(), "{:?}", state.collisions);
-        (k % 20 == 0).then_some(state)
+        k.is_multiple_of(20).then_some(state)
     };
     (0..4_000).filter_map(step).collect()
 }
