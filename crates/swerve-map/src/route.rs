@@ -104,9 +104,9 @@ impl Route {
     /// Creates the route over a way of the router, and beyond its end over at least `beyond_m` metres of successors, if
     /// there are any: those that turn least. Also gives the arc lengths of the way's start and destination on it.
     ///
-    /// It begins where the first lane begins. A change to a lane beside it is a smooth move over 4 s at the speed limit,
-    /// `speed_mps` on lanes without one, and over at least [`CHANGE_LENGTH_M`], or as much as there is of the road on
-    /// which the two are side by side; both are the ego's lane there. Inside
+    /// It begins where the first lane begins. A change to a lane beside it is a smooth move over 3 s at the speed limit, or
+    /// at `speed_mps` if that is lower, and over at least [`CHANGE_LENGTH_M`], or as much as there is of the road on which
+    /// the two are side by side; both are the ego's lane there. Inside
     /// junctions, the lanes that lie beside each other without a gap are drivable ground, whatever their direction.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ pub use facts::{
     Ego, EmergencyVehicle, Ending, JudgedRoute, RedLight, RoutePlace, StepFacts, StopSign, Touch,
 };
 use progress::{Deviation, MinSpeed, OutsideLanes, Timeout};
-use red_light::RedLights;
+use red_light::RunLights;
 use stop_sign::StopSigns;
 
 /// Speed below which the ego stands, m/s.
@@ -44,7 +44,7 @@ pub struct RouteJudge {
     s_m: f64,
     collisions: Collisions,
     outside: OutsideLanes,
-    red_lights: RedLights,
+    red_lights: RunLights,
     stop_signs: StopSigns,
     min_speed: MinSpeed,
     deviation: Deviation,
@@ -66,7 +66,7 @@ impl RouteJudge {
             s_m: 0.0,
             collisions: Collisions::new(version),
             outside: OutsideLanes::new(version),
-            red_lights: RedLights::new(version),
+            red_lights: RunLights::new(version),
             stop_signs: StopSigns::new(version),
             min_speed: MinSpeed::new(&route),
             deviation: Deviation::new(route.length_m),

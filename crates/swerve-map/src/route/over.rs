@@ -9,8 +9,8 @@ use crate::{Border, Borders, Lane, LaneKind, Map, Side, Station};
 /// Least length of the move to a lane beside, metres.
 pub const CHANGE_LENGTH_M: f64 = 60.0;
 
-/// Time of the move, seconds: a lateral acceleration of 1.3 m/s² over a width of 3.5 m.
-const CHANGE_S: f64 = 4.0;
+/// Time of the move, seconds: a lateral acceleration of 2.2 m/s² over a width of 3.5 m.
+const CHANGE_S: f64 = 3.0;
 
 /// Distance from the start of a way to its first change, metres.
 const BEFORE_CHANGE_M: f64 = 5.0;
@@ -157,11 +157,11 @@ struct Change<'m> {
 
 impl<'m> Change<'m> {
     /// The first move at or after `from_m` that crosses no line that must not be crossed; that at `from_m` if there is
-    /// none. On lanes without a speed limit the speed is `speed_mps`.
+    /// none. The speed is at most `speed_mps`.
     fn new(rows: Vec<[&'m Lane; 2]>, from_m: f64, speed_mps: f64) -> Self {
         let length_m: f64 = rows.iter().map(|[from, _]| from.line.length()).sum();
         let from_m = from_m.min(0.5 * length_m);
-        let limit_mps = |lane: &Lane| lane.speed_limit_mps.unwrap_or(speed_mps);
+        let limit_mps = |lane: &Lane| lane.speed_limit_mps.map_or(speed_mps, |limit| limit.min(speed_mps));
         let fastest_mps = rows.iter().flatten().map(|lane| limit_mps(lane)).fold(0.0, f64::max);
         let over_m = CHANGE_LENGTH_M.max(CHANGE_S * fastest_mps);
         let at = |rows, begin_m: f64| Self { rows, begin_m, over_m: over_m.min(length_m - begin_m) };

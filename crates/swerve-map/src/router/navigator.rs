@@ -41,7 +41,7 @@ pub struct Navigator {
 
 impl Navigator {
     /// Creates a navigator for a route over `map` that leads over `stops`, of which the first is the start, and on for
-    /// `beyond_m` metres, at `speed_mps` on lanes without a speed limit.
+    /// `beyond_m` metres, at `speed_mps` at most.
     pub fn new(map: Arc<Map>, route: Route, stops: &[Stop], beyond_m: f64, speed_mps: f64) -> Self {
         let mut navigator = Self {
             map,

@@ -166,8 +166,8 @@ impl Loaded {
         .filter(|_| is_read)
     }
 
-    /// Reads start, via and goal of a table, and the way between them, which is driven at `speed_mps` where there is no
-    /// speed limit; without a goal the start alone.
+    /// Reads start, via and goal of a table, and the way between them, which is driven at `speed_mps` at most; without
+    /// a goal the start alone.
     pub(super) fn course(&self, table: &TableReader<'_>, needs_goal: bool, speed_mps: f64) -> Option<Way> {
         let mut stops = vec![self.place(table, "start")];
         let via = table.tables("via", |_| None);
@@ -203,7 +203,7 @@ impl Loaded {
     /// Reads the table of an ego: its start, and the ground with its way. `None` after a problem of the way.
     pub(super) fn ego(&self, top: &TableReader<'_>, table: &TableReader<'_>) -> Option<(EgoStart, Road)> {
         let target_mps = table.number_if_any("target_speed_mps", SPEED);
-        let course = self.course(table, true, target_mps.unwrap_or(0.0))?;
+        let course = self.course(table, true, target_mps.unwrap_or(f64::INFINITY))?;
         let limits = course.route.stretches().iter().filter_map(|stretch| stretch.speed_limit_mps);
         let target_mps = target_mps.or_else(|| limits.reduce(f64::max));
         if target_mps.is_none() {

@@ -67,7 +67,7 @@ impl MapCourse {
     /// Length of the ego's routes beyond the goal, metres, so that planners know the road ahead.
     pub const BEYOND_GOAL_M: f64 = 200.0;
 
-    /// Keeps the route of the ego during a drive at `speed_mps` where there is no speed limit.
+    /// Keeps the route of the ego during a drive at `speed_mps` at most.
     pub fn navigator(&self, speed_mps: f64) -> Navigator {
         let map = Arc::clone(&self.map);
         Navigator::new(map, self.route.clone(), &self.stops, Self::BEYOND_GOAL_M, speed_mps)

@@ -13,14 +13,14 @@ const TAIL_NEAR: f64 = 0.8;
 const TAIL_FAR_M: f64 = 1.0;
 
 #[derive(Clone, Debug)]
-pub(super) struct RedLights {
+pub(super) struct RunLights {
     /// Part of the lane's width to either side of its middle that is the stop line.
     half_width: f64,
     /// The last light that was run.
     last: Option<u64>,
 }
 
-impl RedLights {
+impl RunLights {
     pub(super) fn new(version: Version) -> Self {
         Self { half_width: if version.is_second() { 0.6 } else { 0.4 }, last: None }
     }

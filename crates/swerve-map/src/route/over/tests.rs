@@ -53,8 +53,8 @@ fn change_of_lanes_is_as_gentle_at_any_speed() {
         Map::new(lanes.map(|lane| Lane { speed_limit_mps, ..lane }).collect()).unwrap()
     });
     let stop = |lane, s_m| Stop { lane: LaneId(lane), s_m };
-    // 24 m/s need 96 m of the 120 m; at 40 m/s the move takes all that there is.
-    for (map, speed_mps, lateral_mps2) in [(&limit, 5.0, 1.4), (&free, 24.0, 1.4), (&free, 12.0, 1.0)] {
+    // 24 m/s need 72 m of the 120 m; at 40 m/s the move takes all that there is.
+    for (map, speed_mps, lateral_mps2) in [(&limit, 30.0, 2.4), (&free, 24.0, 2.4), (&free, 12.0, 1.0)] {
         let way = find(map, stop(1, 5.0), stop(6, 50.0), &[]).unwrap();
         let (route, _) = Route::over(map, &way, 0.0, speed_mps).unwrap();
         let driven_mps = map.lanes()[0].speed_limit_mps.unwrap_or(speed_mps);
