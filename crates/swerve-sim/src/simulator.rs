@@ -189,10 +189,9 @@ impl Simulator {
         let mut of_traffic: BTreeMap<ActorId, GroupDriver> =
             traffic.map(|traffic| traffic.drivers().1.into_iter().collect()).unwrap_or_default();
         for actor in &self.scenario.actors {
-            let scripted = || Box::new(Scripted::new(actor, &self.scenario, &line, self.params.dt));
             let driver: Box<dyn Driver> = match of_traffic.remove(&actor.id) {
                 Some(driver) => Box::new(driver),
-                None => scripted(),
+                None => Box::new(Scripted::new(actor, &self.scenario, &line, self.params.dt)),
             };
             // An actor that moves from the start has a speed in the first state, too.
             let movement = driver.movement(Time::ZERO, Time::ZERO);

@@ -17,7 +17,7 @@ const ENDS_MPS2: f64 = 3.0;
 /// Slowest speed at which a driver changes lanes, m/s: a vehicle does not move sideways at rest.
 const SPEED_MIN_MPS: f64 = 2.0;
 
-/// What a tick of lane changes reads.
+/// Input of a tick of lane changes.
 pub(crate) struct Changes<'a> {
     pub(crate) map: &'a Map,
     pub(crate) net: &'a Net,

@@ -1,4 +1,4 @@
-//! Who may pass conflict zones.
+//! Passage of conflict zones.
 //!
 //! A driver passes a block of zones under a *grant*. Grants are numbered; of two drivers with grants for conflicting
 //! zones, the one with the lower number goes first, and the other waits before the zone. As numbers are in one order,
@@ -33,7 +33,7 @@ const FULL_S: f64 = 60.0;
 /// Seconds of arrival that a second of waiting counts for in the order of drivers.
 const WAITING_SHARE: f64 = 0.1;
 
-/// What a tick of all junctions reads.
+/// Input of a tick of all junctions.
 pub(crate) struct Junctions<'a> {
     pub(crate) net: &'a Net,
     pub(crate) scene: &'a Scene,
@@ -192,7 +192,7 @@ impl Junctions<'_> {
                     }
                     let (other_in_s, other_out_s) = self.passage_s(cars, coming, zone);
                     let (own_in_s, own_out_s) = self.own_passage_s(car, [in_m, out_m]);
-                    // Who is not of the traffic knows no grants: it is there when it is there.
+                    // A body that is not of the traffic has no grants: only its movement counts.
                     if coming.who >= cars.len() && own_out_s + CLEAR_S < other_in_s {
                         continue;
                     }

@@ -161,7 +161,7 @@ fn speeds_mps(line: &Polyline, limit_mps: f64, params: &DriverParams) -> Vec<f64
         let s_m = (k as f64 * STEP_M).min(length_m);
         let [from_m, to_m] = [(s_m - BEND_M).max(0.0), (s_m + BEND_M).min(length_m)];
         let turn_rad = angle_between(heading_rad(from_m), heading_rad(to_m)).abs();
-        // A lane of a few metres tells nothing about its bend by itself.
+        // The bend of a lane of a few metres cannot be measured on the lane alone.
         let bend_1pm = turn_rad / (to_m - from_m).max(STEP_M);
         limit_mps.min((params.lateral_mps2 / bend_1pm.max(1e-6)).sqrt()).max(1.5)
     };

@@ -152,7 +152,7 @@ impl Junctions<'_> {
             let other = cars.get(coming.who).filter(|_| coming.who != who)?;
             let place_m = coming.begin_m + s_m;
             let is_near = (0.0..NEAR_M).contains(&(place_m - other.x_m));
-            // Nothing holds it before that place.
+            // No block holds it before that place.
             let goes_there = is_near && other.next_block().is_none_or(|held| held.begin_m > place_m - 1.0);
             goes_there.then_some(other.extent.length_m + other.idm.stand_gap_m + SLACK_M)
         });
