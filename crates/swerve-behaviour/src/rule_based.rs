@@ -177,8 +177,9 @@ impl RuleBased {
             if block.end_m < own.center_m {
                 continue;
             }
-            // Behind a red light, nothing is decided yet.
-            if to_m > view_m || red_m.is_some_and(|red_m| red_m < block.end_m) {
+            // What comes into view stays in view; behind a red light, nothing is decided yet.
+            let is_in_view = held.stops || to_m < view_m;
+            if !is_in_view || red_m.is_some_and(|red_m| red_m < block.end_m) {
                 break;
             }
             let entry = Entry {

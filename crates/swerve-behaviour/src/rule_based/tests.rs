@@ -51,6 +51,16 @@ fn gives_way_to_the_right_and_expects_it_from_the_left() {
 }
 
 #[test]
+fn stop_holds_while_the_ego_slows_down_far_from_it() {
+    let straight = [FROM_WEST, FROM_WEST];
+    let mut posed = at_crossing("crossing_right_first.xodr", straight, 30.0, 9.0);
+    posed = posed.car(on_arm(FROM_SOUTH, -45.0), 9.0);
+    assert_eq!(causes(&posed.decide()), [StopReason::GiveWay]);
+    posed.speed_mps = 1.0;
+    assert_eq!(causes(&posed.decide_after(1.0)), [StopReason::GiveWay]);
+}
+
+#[test]
 fn car_from_the_left_that_cannot_stop_is_let_through() {
     let straight = [FROM_WEST, FROM_WEST];
     let mut posed = at_crossing("crossing_right_first.xodr", straight, 12.0, 7.0);
