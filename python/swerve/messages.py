@@ -22,10 +22,42 @@ Span = int
 ActorId = int
 
 
+class DrivingState(str, Enum):
+    """State of driving."""
+    CRUISE = "cruise"
+    """On a free road."""
+    FOLLOW = "follow"
+    """Behind another vehicle."""
+    APPROACH_LIGHT = "approach_light"
+    """Towards a traffic light at which it stops."""
+    WAIT_AT_LIGHT = "wait_at_light"
+    """At rest before a traffic light."""
+    GIVE_WAY = "give_way"
+    """Towards a place where it gives way."""
+    WAIT_FOR_GAP = "wait_for_gap"
+    """At rest, until those with priority have passed."""
+    STOP_SIGN = "stop_sign"
+    """Towards a stop sign, or at rest before it."""
+    WAIT_FOR_ROOM = "wait_for_room"
+    """Before a junction without room beyond it."""
+    IN_JUNCTION = "in_junction"
+    """In a junction."""
+    WAIT_FOR_PEDESTRIAN = "wait_for_pedestrian"
+    """Before a crossing that a pedestrian uses."""
+
+
 class StopReason(str, Enum):
     """Reasons to stop at a place."""
     TRAFFIC_LIGHT = "traffic_light"
     """A traffic light that is red, or yellow and far enough away."""
+    GIVE_WAY = "give_way"
+    """Road users with priority."""
+    STOP_SIGN = "stop_sign"
+    """A stop sign, before which the ego has not stood yet."""
+    CROSSING = "crossing"
+    """A pedestrian on a crossing, or on the way to it."""
+    NO_ROOM = "no_room"
+    """No room beyond a junction."""
 
 
 class RoadLine(str, Enum):
@@ -392,6 +424,21 @@ class Decision(Message):
     """Places to stop at, the nearest first."""
     yields: list[ActorId]
     """Road users to give way to, ordered by identity."""
+    expected_to_yield: list[ExpectedStop] = field(default_factory=list)
+    """Vehicles that give way to the ego, ordered by identity."""
+    state: DrivingState | None = None
+    """State of driving; `None` if the planner has no states."""
+    because: ActorId | None = None
+    """Road user that is the reason for the state."""
+
+
+@dataclass(slots=True)
+class ExpectedStop(Message):
+    """A vehicle that gives way to the ego."""
+    id: ActorId
+    """The vehicle."""
+    after_m: float
+    """Length of way from its present place after which it stops, metres."""
 
 
 @dataclass(slots=True)
@@ -1147,10 +1194,12 @@ __all__ = [
     "Decision",
     "DetectedBox",
     "Detections",
+    "DrivingState",
     "EgoState",
     "EgoTruth",
     "Encoding",
     "EndReason",
+    "ExpectedStop",
     "Extent",
     "FaultInjection",
     "GateMode",

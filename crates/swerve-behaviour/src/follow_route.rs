@@ -3,8 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
-use swerve_msg::{Decision, SpeedLimit, StopPoint, StopReason};
+use swerve_msg::{Decision, StopPoint, StopReason};
 
+use crate::along::along;
 use crate::lights::LightStops;
 use crate::{BehaviourPlanner, Situation};
 
@@ -44,34 +45,8 @@ impl FollowRoute {
 impl BehaviourPlanner for FollowRoute {
     fn decide(&mut self, at: &Situation<'_>) -> Decision {
         let stop = |s_m: &f64| StopPoint { s_m: *s_m, cause: StopReason::TrafficLight };
-        let junction_m = at.route.to_junction_m(at.place.s_m);
-        Decision {
-            stamp: at.stamp,
-            route: at.number,
-            corridor: None,
-            limits: limits(at),
-            overtake_until_m: junction_m.is_finite().then_some(at.place.s_m + junction_m),
-            stops: self.lights.update(at).iter().map(stop).collect(),
-            yields: Vec::new(),
-        }
+        Decision { stops: self.lights.update(at).iter().map(stop).collect(), ..along(at) }
     }
-}
-
-/// Speed limits of the route from the ego on, none above the speed on a free road.
-fn limits(at: &Situation<'_>) -> Vec<SpeedLimit> {
-    let stretches = at.route.stretches_from(at.place.s_m);
-    let mut limits: Vec<SpeedLimit> = Vec::new();
-    let mut add = |from_m, limit_mps: Option<f64>| {
-        let speed_mps = limit_mps.map_or(at.cruise_mps, |limit_mps| limit_mps.min(at.cruise_mps));
-        if limits.last().is_none_or(|last| last.speed_mps != speed_mps) {
-            limits.push(SpeedLimit { from_m, speed_mps });
-        }
-    };
-    if stretches.is_empty() {
-        add(0.0, None);
-    }
-    stretches.iter().for_each(|stretch| add(stretch.begin_m, stretch.speed_limit_mps));
-    limits
 }
 
 #[cfg(test)]

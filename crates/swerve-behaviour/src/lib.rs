@@ -1,21 +1,36 @@
 //! Behaviour planners: the ground, speeds and stops within which the motion planner plans.
 //!
 //! A [`BehaviourPlanner`] reads the situation of one frame and returns a `Decision`. [`FollowRoute`] keeps to the route
-//! and its speed limits, stops at red lights, and does not overtake in junctions.
+//! and its speed limits, stops at red lights, and does not overtake in junctions. [`RuleBased`] also obeys rights of way,
+//! stop signs and crossings: it waits for those with priority, and names those who wait for the ego.
 //!
 //! **Frames**: arc lengths and offsets are along the line of the route, metres, positive to the left.
 //!
-//! Excluded: motion planning, maps beyond the route, sensors, engine, files.
+//! Excluded: motion planning, sensors, engine, files.
 
+mod along;
 mod follow_route;
 mod lights;
+mod rule_based;
 
 use swerve_core::Time;
 use swerve_geom::FrenetPoint;
+use swerve_map::Map;
+use swerve_map::conflict::Conflicts;
 use swerve_msg::{Decision, EgoState, Prediction, Route, TrafficLights};
 use swerve_vehicle::{Limits, Shape};
 
 pub use follow_route::{FollowRoute, FollowRouteParams};
+pub use rule_based::{RuleBased, RuleBasedParams};
+
+/// A map, and the conflict zones of its lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Roads<'a> {
+    /// The map that the lanes of the route are from.
+    pub map: &'a Map,
+    /// Its conflict zones.
+    pub conflicts: &'a Conflicts,
+}
 
 /// Input of a behaviour planner: everything known at the instant of one frame.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +45,8 @@ pub struct Situation<'a> {
     pub number: u64,
     /// Place of the ego's origin along the route.
     pub place: FrenetPoint,
+    /// The map; `None` if it is unknown, or if the planner does not read it.
+    pub roads: Option<Roads<'a>>,
     /// Speed on a free road, m/s.
     pub cruise_mps: f64,
     /// Predicted motions of other road users, ordered by identity.

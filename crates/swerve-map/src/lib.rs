@@ -8,6 +8,8 @@
 //! Beside lanes, a map has [`Features`]: [`Junction`]s, traffic [`Signal`]s, [`StopLine`]s, [`Crossing`]s and
 //! [`Area`]s. They refer to lanes by identity; the map checks that these exist.
 //!
+//! [`conflict`] finds the parts of lanes on which vehicles would touch each other, and who gives way there.
+//!
 //! A [`LaneIndex`] finds the nearest lane of a large map. [`router::find`] finds the cheapest way over lanes, which
 //! [`Route::over`] makes a route. [`Map::paths`] are the paths from a lane, for road users with an unknown destination.
 //!
@@ -20,6 +22,7 @@
 mod area;
 mod border;
 mod border_line;
+pub mod conflict;
 mod crossing;
 mod features;
 mod index;

@@ -1,7 +1,7 @@
 //! Decisions of the behaviour planner.
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
+use swerve_core::{Time, unless_default};
 use swerve_map::Borders;
 
 use crate::ActorId;
@@ -26,6 +26,50 @@ pub struct Decision {
     pub stops: Vec<StopPoint>,
     /// Road users to give way to, ordered by identity.
     pub yields: Vec<ActorId>,
+    /// Vehicles that give way to the ego, ordered by identity.
+    #[serde(default, serialize_with = "unless_default")]
+    pub expected_to_yield: Vec<ExpectedStop>,
+    /// State of driving; `None` if the planner has no states.
+    #[serde(default, serialize_with = "unless_default")]
+    pub state: Option<DrivingState>,
+    /// Road user that is the reason for the state.
+    #[serde(default, serialize_with = "unless_default")]
+    pub because: Option<ActorId>,
+}
+
+/// A vehicle that gives way to the ego.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct ExpectedStop {
+    /// The vehicle.
+    pub id: ActorId,
+    /// Length of way from its present place after which it stops, metres.
+    pub after_m: f64,
+}
+
+/// State of driving.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DrivingState {
+    /// On a free road.
+    Cruise,
+    /// Behind another vehicle.
+    Follow,
+    /// Towards a traffic light at which it stops.
+    ApproachLight,
+    /// At rest before a traffic light.
+    WaitAtLight,
+    /// Towards a place where it gives way.
+    GiveWay,
+    /// At rest, until those with priority have passed.
+    WaitForGap,
+    /// Towards a stop sign, or at rest before it.
+    StopSign,
+    /// Before a junction without room beyond it.
+    WaitForRoom,
+    /// In a junction.
+    InJunction,
+    /// Before a crossing that a pedestrian uses.
+    WaitForPedestrian,
 }
 
 /// A speed to keep on a part of a route, up to the next one.
@@ -52,6 +96,14 @@ pub struct StopPoint {
 pub enum StopReason {
     /// A traffic light that is red, or yellow and far enough away.
     TrafficLight,
+    /// Road users with priority.
+    GiveWay,
+    /// A stop sign, before which the ego has not stood yet.
+    StopSign,
+    /// A pedestrian on a crossing, or on the way to it.
+    Crossing,
+    /// No room beyond a junction.
+    NoRoom,
 }
 
 impl Decision {

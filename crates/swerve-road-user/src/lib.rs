@@ -1,4 +1,4 @@
-//! Models of road users as formulas: car following, lane changes, forces between pedestrians.
+//! Models of road users as formulas: car following, lane changes, forces between pedestrians, times of travel.
 //!
 //! Predictors and simulated traffic use the same ones, each with its own parameters. The functions have no state.
 //!
@@ -7,3 +7,4 @@
 pub mod idm;
 pub mod mobil;
 pub mod social_force;
+pub mod travel;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use swerve_behaviour::{BehaviourPlanner, FollowRoute, FollowRouteParams};
+use swerve_behaviour::{BehaviourPlanner, FollowRoute, FollowRouteParams, RuleBased, RuleBasedParams};
 use swerve_core::Ranges;
 
 /// A behaviour planner that `kind` of an operator can name.
@@ -14,6 +14,9 @@ pub trait NamedBehaviour: BehaviourPlanner + Sized + 'static {
 
     /// Description in `swerve operators`.
     const DOC: &'static str;
+
+    /// True if it reads the map and its conflict zones, which take time to find.
+    const READS_MAP: bool = false;
 
     /// Parameters: the keys of the operator.
     type Params: Serialize + DeserializeOwned + Default + Ranges;
@@ -28,6 +31,17 @@ impl NamedBehaviour for FollowRoute {
     type Params = FollowRouteParams;
 
     fn with_params(params: FollowRouteParams) -> Self {
+        Self::new(params)
+    }
+}
+
+impl NamedBehaviour for RuleBased {
+    const NAME: &'static str = "rule_based";
+    const DOC: &'static str = "also obeys rights of way, stop signs and crossings of the map";
+    const READS_MAP: bool = true;
+    type Params = RuleBasedParams;
+
+    fn with_params(params: RuleBasedParams) -> Self {
         Self::new(params)
     }
 }

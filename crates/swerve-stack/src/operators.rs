@@ -60,7 +60,7 @@ pub(crate) use world::add_shared;
 
 /// Registers all operators.
 pub(crate) fn all(registry: Registry) -> Registry {
-    registry
+    with_faults(registry)
         .with::<world::World>()
         .with_kind(obstacles::ObstacleSensor)
         .with::<pose::PoseSensor>()
@@ -91,6 +91,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<closures::ClosureReport>()
         .with::<router::Router>()
         .with_behaviour::<swerve_behaviour::FollowRoute>()
+        .with_behaviour::<swerve_behaviour::RuleBased>()
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)
@@ -125,6 +126,11 @@ pub(crate) fn all(registry: Registry) -> Registry {
             "the switch that a person holds",
             |_| true,
         ))
+}
+
+/// Messages that faults can affect.
+fn with_faults(registry: Registry) -> Registry {
+    registry
         .with_corruptible::<ObstacleList>()
         .with_corruptible::<Detections>()
         .with_corruptible::<TrackList>()

@@ -1,14 +1,12 @@
 //! Lanes of a map as traffic uses them: who may drive where, how fast, and where paths conflict.
 
-mod priority;
-mod zones;
-
 use swerve_geom::{Polyline, angle_between};
+use swerve_map::conflict::{self, Conflicts};
 use swerve_map::{Lane, LaneId, LaneKind, Map, Neighbour, Side, SignalId, StopSign};
 
 use crate::setup::DriverParams;
 
-pub(crate) use zones::{Meeting, Zone};
+pub(crate) use swerve_map::conflict::Meeting;
 
 /// Narrowest lane for cars, metres.
 const WIDTH_MIN_M: f64 = 2.0;
@@ -23,6 +21,17 @@ pub(crate) struct StopAt {
     pub(crate) s_m: f64,
     pub(crate) signals: Vec<SignalId>,
     pub(crate) sign: Option<StopSign>,
+}
+
+/// A conflict zone of a lane, with the other lane by index.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Zone {
+    pub(crate) at_m: [f64; 2],
+    pub(crate) other: usize,
+    pub(crate) other_m: [f64; 2],
+    pub(crate) meeting: Meeting,
+    pub(crate) shift_m: Option<f64>,
+    pub(crate) yields: bool,
 }
 
 /// A lane for vehicles.
@@ -61,16 +70,6 @@ impl NetLane {
     pub(crate) fn slowest_mps(&self) -> f64 {
         self.speeds_mps.iter().copied().fold(f64::INFINITY, f64::min)
     }
-
-    /// Heading at the begin, radians.
-    pub(crate) fn begin_rad(&self) -> f64 {
-        self.line.at(0.0).pose.heading_rad
-    }
-
-    /// Heading at the end, radians.
-    pub(crate) fn end_rad(&self) -> f64 {
-        self.line.at(self.length_m).pose.heading_rad
-    }
 }
 
 /// All lanes for vehicles, ordered by identity.
@@ -87,6 +86,11 @@ impl Net {
             .filter(|lane| matches!(lane.kind, LaneKind::Driving | LaneKind::Cycling))
             .collect();
         let index = |id: LaneId| used.binary_search_by_key(&id, |lane| lane.id).ok();
+        let conflicts = Conflicts::new(map);
+        let zone = |zone: &conflict::Zone| {
+            let conflict::Zone { at_m, other, other_m, meeting, shift_m, yields } = *zone;
+            Some(Zone { at_m, other: index(other)?, other_m, meeting, shift_m, yields })
+        };
         let lanes = used.iter().map(|lane| {
             let width_m = narrowest_m(lane);
             let beside = |neighbour: Option<Neighbour>| {
@@ -112,18 +116,15 @@ impl Net {
                 stops: stops
                     .map(|stop| StopAt { s_m: stop.s_m, signals: stop.signals.clone(), sign: stop.sign })
                     .collect(),
-                zones: Vec::new(),
+                zones: conflicts.zones_of(lane.id).iter().filter_map(zone).collect(),
                 crossings: Vec::new(),
                 line: lane.line.clone(),
             }
         });
         let mut net = Self { lanes: lanes.collect() };
-        let zones = zones::zones(&net, map);
-        net.lanes.iter_mut().zip(zones).for_each(|(lane, zones)| lane.zones = zones);
-        priority::assign(&mut net, map);
         for (k, crossing) in map.crossings().iter().enumerate() {
             for lane in &mut net.lanes {
-                if let Some(part_m) = zones::covered_m(&lane.line, &crossing.outline) {
+                if let Some(part_m) = crossing.covered_m(&lane.line) {
                     lane.crossings.push((k, part_m));
                 }
             }

@@ -1,7 +1,7 @@
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline};
 use swerve_map::{Borders, Junction, JunctionId, Lane, LaneId, Map};
-use swerve_msg::{EgoState, Route};
+use swerve_msg::{EgoState, Route, SpeedLimit};
 use swerve_vehicle::{Limits, Shape};
 
 use super::*;
@@ -34,6 +34,7 @@ fn decide(route: &Route, s_m: f64) -> Decision {
         number: 4,
         place: FrenetPoint { s_m, d_m: 0.0 },
         cruise_mps: 8.0,
+        roads: None,
         predictions: &[],
         lights: None,
         shape: &shape,

@@ -103,6 +103,7 @@ fn held_line_moves_to_a_new_route_and_is_dropped_off_it() {
                 number,
                 place,
                 cruise_mps: 10.0,
+                roads: None,
                 predictions: &[],
                 lights,
                 shape: &shape,

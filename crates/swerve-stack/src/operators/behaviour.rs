@@ -1,8 +1,12 @@
 //! Behaviour planners: a kind of operator for each.
 
-use swerve_behaviour::Situation;
+use std::sync::Arc;
+
+use swerve_behaviour::{Roads, Situation};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
 use swerve_geom::LineTracker;
+use swerve_map::Map;
+use swerve_map::conflict::Conflicts;
 use swerve_msg::{Decision, EgoState, PredictionList, Route, TrafficLights};
 use swerve_vehicle::VehicleParams;
 
@@ -27,6 +31,8 @@ impl Registry {
 /// Decides for each frame.
 pub(crate) struct Behaviour<B> {
     planner: B,
+    /// The map and its conflict zones, if the planner reads them.
+    roads: Option<(Arc<Map>, Conflicts)>,
     vehicle: VehicleParams,
     cruise_mps: f64,
     /// True if it stops at traffic lights.
@@ -92,8 +98,14 @@ impl<B: NamedBehaviour> Kind for Behaviour<B> {
 
     fn new(table: B::Params, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
+        let roads = B::READS_MAP.then(|| {
+            let map = site.map();
+            let conflicts = Conflicts::new(&map);
+            (map, conflicts)
+        });
         Ok(Self {
             planner: B::with_params(table),
+            roads,
             vehicle: around.vehicle.clone(),
             cruise_mps: around.scenario.ego.target_speed_mps,
             obeys_lights: site.config().stops_at_lights(),
@@ -120,6 +132,7 @@ impl<B: NamedBehaviour> Operator for Behaviour<B> {
             route,
             number: header.seq,
             place: self.place.of(header.seq).locate(route.line(), ego.pose),
+            roads: self.roads.as_ref().map(|(map, conflicts)| Roads { map, conflicts }),
             cruise_mps: self.cruise_mps,
             predictions: &predictions.predictions,
             lights: lights.filter(is_on_route).map(|lights| &**lights),

@@ -308,13 +308,32 @@ pub(super) fn measured_at(instant: Time, poses: &Window<EgoState, POSES>) -> Opt
     Some(before.unwrap_or(first))
 }
 
-/// Plausible predictions, and the places of a decision to stop at.
+/// Plausible predictions up to where others give way to the ego, and the places of a decision to stop at.
 fn obstacles<'a>(all: &'a [Prediction], decision: &Decision, route: &Route) -> Cow<'a, [Prediction]> {
-    if decision.stops.is_empty() && all.iter().all(Prediction::is_plausible) {
+    let is_as_is = decision.stops.is_empty() && decision.expected_to_yield.is_empty();
+    if is_as_is && all.iter().all(Prediction::is_plausible) {
         return Cow::Borrowed(all);
     }
-    let plausible = all.iter().filter(|one| one.is_plausible()).cloned();
+    let plausible = all.iter().filter(|one| one.is_plausible()).map(|one| {
+        let found = decision.expected_to_yield.binary_search_by_key(&one.id, |stop| stop.id);
+        found.map_or_else(|_| one.clone(), |index| stopped(one, decision.expected_to_yield[index].after_m))
+    });
     Cow::Owned(plausible.chain(stops(decision, route)).collect())
+}
+
+/// A prediction of which the way ends: from there on, its last pose holds.
+fn stopped(one: &Prediction, after_m: f64) -> Prediction {
+    let mut stopped = one.clone();
+    let mut way_m = 0.0;
+    for k in 1..one.path.len() {
+        way_m += one.path[k - 1].pose.point().distance(one.path[k].pose.point());
+        if way_m > after_m {
+            let last = stopped.path[k - 1].pose;
+            stopped.path[k..].iter_mut().for_each(|point| point.pose = last);
+            break;
+        }
+    }
+    stopped
 }
 
 /// Places of a decision to stop at, as obstacles.
@@ -363,4 +382,36 @@ impl Budget for Metered<'_, '_> {
 /// Error message for a planner's parameters.
 fn wrong(problems: &[KeyProblem]) -> anyhow::Error {
     anyhow::anyhow!("planning.params: {}", in_one_line(problems))
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::Pose2;
+    use swerve_msg::{ActorKind, Extent, PredictedPose};
+
+    use super::*;
+
+    #[test]
+    fn prediction_of_a_vehicle_that_gives_way_ends_before_its_stop() {
+        let at = |k: i64| PredictedPose {
+            at: Time::ZERO + Span::from_ms(500 * k),
+            pose: Pose2::new(4.0 * k as f64, 1.0, 0.0),
+        };
+        let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
+        let one = Prediction::single(ActorId(7), ActorKind::Car, extent, (0..6).map(at).collect());
+        let places = |after_m: f64| -> Vec<f64> {
+            stopped(&one, after_m).path.iter().map(|point| point.pose.x_m).collect()
+        };
+        assert_eq!(places(9.0), [0.0, 4.0, 8.0, 8.0, 8.0, 8.0]);
+        assert_eq!(places(0.5), [0.0; 6]);
+        assert_eq!(places(100.0), [0.0, 4.0, 8.0, 12.0, 16.0, 20.0]);
+        let line = swerve_geom::Polyline::new(&[at(0).pose.point(), at(5).pose.point()]).unwrap();
+        let route = Route::uniform(line, 2.0, 2.0);
+        let stop = swerve_msg::ExpectedStop { id: ActorId(7), after_m: 9.0 };
+        let decision = Decision { expected_to_yield: vec![stop], ..Decision::default() };
+        let other = Prediction { id: ActorId(8), ..one.clone() };
+        let all = [one.clone(), other.clone()];
+        assert_eq!(obstacles(&all, &decision, &route)[..], [stopped(&one, 9.0), other]);
+        assert_eq!(obstacles(&all, &Decision::default(), &route)[..], all);
+    }
 }

@@ -158,6 +158,7 @@ pub(super) fn ways(traffic: &Traffic, turn_rad: f64) -> Vec<Vec<LaneId>> {
     let into = |k: &usize| {
         !net.lane(*k).in_junction && net.lane(*k).next.iter().any(|next| net.lane(*next).in_junction)
     };
+    let end_rad = |k: usize| net.lane(k).line.at(net.lane(k).length_m).pose.heading_rad;
     let mut ways: Vec<(f64, Vec<LaneId>)> = Vec::new();
     for k in (0..net.lanes.len()).filter(into) {
         let through = |next: &usize| {
@@ -169,12 +170,12 @@ pub(super) fn ways(traffic: &Traffic, turn_rad: f64) -> Vec<Vec<LaneId>> {
         };
         let off_rad = |way: &Vec<usize>| {
             let last = net.lane(way[way.len() - 1]);
-            let turned_rad = swerve_geom::angle_between(net.lane(k).end_rad(), last.begin_rad());
+            let turned_rad = swerve_geom::angle_between(end_rad(k), last.line.at(0.0).pose.heading_rad);
             (turned_rad - turn_rad).abs()
         };
         let options = net.lane(k).next.iter().map(through);
         let best = options.min_by(|a, b| off_rad(a).total_cmp(&off_rad(b))).unwrap();
-        ways.push((net.lane(k).end_rad(), best.into_iter().map(|k| net.lane(k).id).collect()));
+        ways.push((end_rad(k), best.into_iter().map(|k| net.lane(k).id).collect()));
     }
     ways.sort_by(|a, b| a.0.total_cmp(&b.0));
     ways.into_iter().map(|(_, way)| way).collect()

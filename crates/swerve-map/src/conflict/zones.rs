@@ -1,12 +1,9 @@
-//! Conflict zones: the parts of two lanes on which vehicles would touch each other.
-//!
-//! Places are those of vehicle centres: a vehicle whose centre is outside a zone touches nobody whose centre is on the
-//! other lane. The length of vehicles is therefore in the zones already.
+//! Places of conflict zones.
 
-use swerve_geom::{Obb, Point2, Polyline};
-use swerve_map::Map;
+use swerve_geom::{Obb, Point2};
 
-use super::Net;
+use super::{Meeting, Used, Zone};
+use crate::Map;
 
 /// Boxes of which zones are computed: somewhat more than the largest vehicles, metres.
 const CAR_M: [f64; 2] = [5.6, 2.2];
@@ -18,33 +15,6 @@ const APART_M: f64 = 3.0;
 /// Lanes that continue one within this distance have no zones with it, metres: cars there follow each other.
 const FOLLOWS_M: f64 = 8.0;
 
-/// Relation of two lanes with a zone.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Meeting {
-    /// They cross, or touch in passing.
-    Cross,
-    /// They end in the same lane.
-    Merge,
-    /// All traffic of both comes from the same lane, which ends shortly before.
-    Fork,
-}
-
-/// A conflict zone of a lane.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Zone {
-    /// Part of this lane, metres.
-    pub(crate) at_m: [f64; 2],
-    /// The other lane, and its part.
-    pub(crate) other: usize,
-    pub(crate) other_m: [f64; 2],
-    pub(crate) meeting: Meeting,
-    /// For lanes that part shortly before, the place on this lane that is as far from there as the begin of the other
-    /// one, metres.
-    pub(crate) shift_m: Option<f64>,
-    /// True if traffic of this lane gives way to that of the other.
-    pub(crate) yields: bool,
-}
-
 #[derive(Clone, Copy)]
 struct Sample {
     s_m: f64,
@@ -52,25 +22,26 @@ struct Sample {
 }
 
 /// Zones of each lane, ordered by begin.
-pub(super) fn zones(net: &Net, map: &Map) -> Vec<Vec<Zone>> {
-    let samples: Vec<Vec<Sample>> = (0..net.lanes.len()).map(|k| sampled(net, k)).collect();
+pub(super) fn zones(lanes: &[Used<'_>], map: &Map) -> Vec<Vec<Zone>> {
+    let samples: Vec<Vec<Sample>> = (0..lanes.len()).map(|k| sampled(lanes, k)).collect();
     let bounds: Vec<[Point2; 2]> = samples.iter().map(|samples| bounds_of(samples)).collect();
-    let follows: Vec<Vec<usize>> = (0..net.lanes.len()).map(|k| following(net, k)).collect();
-    let mut zones = vec![Vec::new(); net.lanes.len()];
-    for a in 0..net.lanes.len() {
-        for b in a + 1..net.lanes.len() {
+    let follows: Vec<Vec<usize>> = (0..lanes.len()).map(|k| following(lanes, k)).collect();
+    let mut zones = vec![Vec::new(); lanes.len()];
+    for a in 0..lanes.len() {
+        for b in a + 1..lanes.len() {
             let is_apart = !near(&bounds[a], &bounds[b]);
-            if is_apart || follows[a].contains(&b) || follows[b].contains(&a) || are_beside(net, map, a, b) {
+            if is_apart || follows[a].contains(&b) || follows[b].contains(&a) || are_beside(lanes, map, a, b)
+            {
                 continue;
             }
             for [a_m, b_m] in touching(&samples[a], &samples[b], &bounds[b]) {
                 let begins = a_m[0] <= 0.0 && b_m[0] <= 0.0;
-                let (shift_m, is_fork) = if begins { parting(net, a, b) } else { (None, false) };
-                let meeting = if is_fork { Meeting::Fork } else { meeting(net, [a, b], [a_m, b_m]) };
+                let (shift_m, is_fork) = if begins { parting(lanes, a, b) } else { (None, false) };
+                let meeting = if is_fork { Meeting::Fork } else { meeting(lanes, [a, b], [a_m, b_m]) };
                 let yields = false;
-                zones[a].push(Zone { at_m: a_m, other: b, other_m: b_m, meeting, shift_m, yields });
+                zones[a].push(Zone { at_m: a_m, other: lanes[b].id, other_m: b_m, meeting, shift_m, yields });
                 let shift_m = shift_m.map(|shift_m: f64| -shift_m);
-                zones[b].push(Zone { at_m: b_m, other: a, other_m: a_m, meeting, shift_m, yields });
+                zones[b].push(Zone { at_m: b_m, other: lanes[a].id, other_m: a_m, meeting, shift_m, yields });
             }
         }
     }
@@ -80,8 +51,8 @@ pub(super) fn zones(net: &Net, map: &Map) -> Vec<Vec<Zone>> {
     zones
 }
 
-fn sampled(net: &Net, k: usize) -> Vec<Sample> {
-    let lane = &net.lanes[k];
+fn sampled(lanes: &[Used<'_>], k: usize) -> Vec<Sample> {
+    let lane = &lanes[k];
     let [length_m, width_m] = if lane.cycling { CYCLE_M } else { CAR_M };
     let steps = (lane.length_m / SAMPLE_M).ceil().max(1.0);
     let at = |n: usize| lane.length_m * n as f64 / steps;
@@ -106,15 +77,15 @@ fn near(a: &[Point2; 2], b: &[Point2; 2]) -> bool {
 }
 
 /// Lanes that are reached from the end of a lane within [`FOLLOWS_M`].
-fn following(net: &Net, k: usize) -> Vec<usize> {
+fn following(lanes: &[Used<'_>], k: usize) -> Vec<usize> {
     let mut found = vec![k];
     let mut open = vec![(k, 0.0)];
     while let Some((lane, after_m)) = open.pop() {
-        for &next in &net.lanes[lane].next {
+        for &next in &lanes[lane].next {
             if !found.contains(&next) {
                 found.push(next);
             }
-            let end_m = after_m + net.lanes[next].length_m;
+            let end_m = after_m + lanes[next].length_m;
             if end_m < FOLLOWS_M {
                 open.push((next, end_m));
             }
@@ -124,9 +95,9 @@ fn following(net: &Net, k: usize) -> Vec<usize> {
 }
 
 /// True for lanes that share a border.
-fn are_beside(net: &Net, map: &Map, a: usize, b: usize) -> bool {
-    let other = net.lanes[b].id;
-    let lane = map.lane(net.lanes[a].id);
+fn are_beside(lanes: &[Used<'_>], map: &Map, a: usize, b: usize) -> bool {
+    let other = lanes[b].id;
+    let lane = map.lane(lanes[a].id);
     lane.is_some_and(|lane| [lane.left, lane.right].iter().flatten().any(|beside| beside.lane == other))
 }
 
@@ -168,18 +139,18 @@ fn grown([low, high]: &[Point2; 2], by_m: f64) -> [Point2; 2] {
 }
 
 /// Lanes before one within [`FOLLOWS_M`], each with its distance, and whether all traffic of the lane comes from it.
-fn preceding(net: &Net, k: usize) -> Vec<(usize, f64, bool)> {
+fn preceding(lanes: &[Used<'_>], k: usize) -> Vec<(usize, f64, bool)> {
     let mut found: Vec<(usize, f64, bool)> = Vec::new();
     let mut open = vec![(k, 0.0, true)];
     while let Some((lane, after_m, is_only)) = open.pop() {
-        let before = &net.lanes[lane].before;
+        let before = &lanes[lane].before;
         let is_only = is_only && before.len() == 1;
         for &before in before {
             if found.iter().any(|known| known.0 == before) {
                 continue;
             }
             found.push((before, after_m, is_only));
-            let next_m = after_m + net.lanes[before].length_m;
+            let next_m = after_m + lanes[before].length_m;
             if next_m < FOLLOWS_M {
                 open.push((before, next_m, is_only));
             }
@@ -190,8 +161,8 @@ fn preceding(net: &Net, k: usize) -> Vec<(usize, f64, bool)> {
 
 /// The nearest common lane before two lanes: the difference of the distances from it, and whether it is the origin of all
 /// their traffic.
-fn parting(net: &Net, a: usize, b: usize) -> (Option<f64>, bool) {
-    let (before_a, before_b) = (preceding(net, a), preceding(net, b));
+fn parting(lanes: &[Used<'_>], a: usize, b: usize) -> (Option<f64>, bool) {
+    let (before_a, before_b) = (preceding(lanes, a), preceding(lanes, b));
     let common = before_a.iter().filter_map(|(lane, a_m, a_only)| {
         let (_, b_m, b_only) = before_b.iter().find(|(other, ..)| other == lane)?;
         Some((a_m + b_m, b_m - a_m, *a_only && *b_only))
@@ -200,33 +171,8 @@ fn parting(net: &Net, a: usize, b: usize) -> (Option<f64>, bool) {
     nearest.map_or((None, false), |(_, shift_m, is_only)| (Some(shift_m), is_only))
 }
 
-fn meeting(net: &Net, lanes: [usize; 2], parts_m: [[f64; 2]; 2]) -> Meeting {
-    let [a, b] = lanes.map(|k| &net.lanes[k]);
+fn meeting(lanes: &[Used<'_>], two: [usize; 2], parts_m: [[f64; 2]; 2]) -> Meeting {
+    let [a, b] = two.map(|k| &lanes[k]);
     let ends = parts_m.iter().zip([a, b]).all(|(part, lane)| part[1] >= lane.length_m);
     if ends && a.next.iter().any(|next| b.next.contains(next)) { Meeting::Merge } else { Meeting::Cross }
-}
-
-/// Part of a line within an outline, metres; `None` if no sample of it is inside.
-pub(crate) fn covered_m(line: &Polyline, outline: &[Point2]) -> Option<[f64; 2]> {
-    let steps = (line.length() / 0.5).ceil().max(1.0);
-    let mut part: Option<[f64; 2]> = None;
-    for at in line.at_each((0..=steps as usize).map(|n| line.length() * n as f64 / steps)) {
-        if is_inside(at.pose.point(), outline) {
-            part = Some(part.map_or([at.s_m; 2], |[from, _]| [from, at.s_m]));
-        }
-    }
-    part
-}
-
-/// True if a point is inside a polygon (crossing number).
-pub(crate) fn is_inside(point: Point2, outline: &[Point2]) -> bool {
-    let mut inside = false;
-    for (k, a) in outline.iter().enumerate() {
-        let b = outline[(k + 1) % outline.len()];
-        if (a.y_m > point.y_m) != (b.y_m > point.y_m) {
-            let x_m = a.x_m + (point.y_m - a.y_m) / (b.y_m - a.y_m) * (b.x_m - a.x_m);
-            inside ^= point.x_m < x_m;
-        }
-    }
-    inside
 }

@@ -1,15 +1,11 @@
 //! Rights of way between lanes with a conflict zone.
-//!
-//! The first rule that decides: rights of way of the map; a stop or yield sign on one of the two ways; a left turn gives
-//! way to oncoming traffic; traffic from the right goes first; the way that turns less goes first; the lane with the
-//! smaller identity. Right-hand traffic is assumed.
 
 use core::f64::consts::PI;
 
 use swerve_geom::angle_between;
-use swerve_map::{LaneId, Map};
 
-use super::{Meeting, Net};
+use super::{Meeting, Used, Zone};
+use crate::{LaneId, Map};
 
 /// Smallest change of heading of a turn, radians.
 const TURN_RAD: f64 = 0.5;
@@ -26,43 +22,49 @@ struct Passage {
 }
 
 /// Sets who yields in each zone.
-pub(super) fn assign(net: &mut Net, map: &Map) {
-    let passages: Vec<Passage> = (0..net.lanes.len()).map(|k| passage(net, k)).collect();
-    for k in 0..net.lanes.len() {
-        let mut zones = core::mem::take(&mut net.lanes[k].zones);
+pub(super) fn assign(lanes: &[Used<'_>], map: &Map, zones: &mut [Vec<Zone>]) {
+    let passages: Vec<Passage> = (0..lanes.len()).map(|k| passage(lanes, k)).collect();
+    for (own, zones) in passages.iter().zip(zones) {
         for zone in zones.iter_mut().filter(|zone| zone.meeting != Meeting::Fork) {
-            zone.yields = yields(map, &passages[k], &passages[zone.other]);
+            let other = lanes.binary_search_by_key(&zone.other, |lane| lane.id);
+            zone.yields = other.is_ok_and(|other| yields(map, own, &passages[other]));
         }
-        net.lanes[k].zones = zones;
     }
 }
 
-fn passage(net: &Net, k: usize) -> Passage {
+fn passage(used: &[Used<'_>], k: usize) -> Passage {
     let mut lanes = vec![k];
     while lanes.len() < LANES_MAX {
         let first = lanes[lanes.len() - 1];
-        let before = net.lanes[first].before.first().filter(|_| net.lanes[first].in_junction);
+        let before = used[first].before.first().filter(|_| used[first].in_junction);
         let Some(&before) = before.filter(|before| !lanes.contains(before)) else { break };
         lanes.push(before);
     }
     let mut last = k;
     for _ in 0..LANES_MAX {
-        let next = net.lanes[last].next.first().filter(|next| net.lanes[**next].in_junction);
-        let Some(&next) = next.filter(|_| net.lanes[last].in_junction) else { break };
+        let next = used[last].next.first().filter(|next| used[**next].in_junction);
+        let Some(&next) = next.filter(|_| used[last].in_junction) else { break };
         last = next;
     }
-    let entry = &net.lanes[lanes[lanes.len() - 1]];
-    let in_rad = if lanes.len() > 1 { entry.end_rad() } else { entry.begin_rad() };
-    let turn_rad = angle_between(in_rad, net.lanes[last].end_rad());
+    let entry = &used[lanes[lanes.len() - 1]];
+    let in_rad = if lanes.len() > 1 { end_rad(entry) } else { begin_rad(entry) };
+    let turn_rad = angle_between(in_rad, end_rad(&used[last]));
     let has_sign = lanes.iter().any(|k| {
-        let stops = net.lanes[*k].stops.iter();
-        let is_entry = net.lanes[*k].in_junction;
+        let stops = used[*k].stops.iter();
+        let is_entry = used[*k].in_junction;
         // On the lane that leads in, only a sign at its end is for this junction.
-        stops
-            .filter(|stop| is_entry || stop.s_m > net.lanes[*k].length_m - 30.0)
-            .any(|stop| stop.sign.is_some())
+        stops.filter(|stop| is_entry || stop.s_m > used[*k].length_m - 30.0).any(|stop| stop.sign.is_some())
     });
-    Passage { lanes: lanes.into_iter().map(|k| net.lanes[k].id).collect(), in_rad, turn_rad, has_sign }
+    Passage { lanes: lanes.into_iter().map(|k| used[k].id).collect(), in_rad, turn_rad, has_sign }
+}
+
+/// Headings of a lane at its begin and at its end, radians.
+fn begin_rad(lane: &Used<'_>) -> f64 {
+    lane.line.at(0.0).pose.heading_rad
+}
+
+fn end_rad(lane: &Used<'_>) -> f64 {
+    lane.line.at(lane.length_m).pose.heading_rad
 }
 
 fn yields(map: &Map, own: &Passage, other: &Passage) -> bool {

@@ -1,0 +1,59 @@
+//! States of driving.
+
+use swerve_msg::DrivingState::{self, *};
+use swerve_msg::StopReason;
+
+/// Facts that decide about the next state.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Facts {
+    /// Reason of the nearest stop, if the ego drives or stands before it.
+    pub(super) stop: Option<StopReason>,
+    /// True if the ego is at rest.
+    pub(super) rests: bool,
+    /// True if another vehicle is ahead, nearer than the stop.
+    pub(super) has_lead: bool,
+    pub(super) is_in_junction: bool,
+}
+
+/// The next state. This is the only place where the state changes: the first row that applies.
+pub(super) fn next(facts: Facts) -> DrivingState {
+    use StopReason as Stop;
+    let Facts { stop, rests, has_lead, is_in_junction } = facts;
+    match (stop, rests, has_lead, is_in_junction) {
+        (Some(Stop::Crossing), ..) => WaitForPedestrian,
+        (_, _, true, false) => Follow,
+        (Some(Stop::TrafficLight), false, ..) => ApproachLight,
+        (Some(Stop::TrafficLight), true, ..) => WaitAtLight,
+        (Some(Stop::StopSign), ..) => StopSign,
+        (Some(Stop::GiveWay), false, ..) => GiveWay,
+        (Some(Stop::GiveWay), true, ..) => WaitForGap,
+        (Some(Stop::NoRoom), ..) => WaitForRoom,
+        (None, .., true) => InJunction,
+        (None, ..) => Cruise,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_follow_the_table() {
+        let facts = |stop, rests, has_lead, is_in_junction| Facts { stop, rests, has_lead, is_in_junction };
+        for (facts, state) in [
+            (facts(None, false, false, false), Cruise),
+            (facts(None, true, true, false), Follow),
+            (facts(None, false, true, true), InJunction),
+            (facts(Some(StopReason::GiveWay), false, true, false), Follow),
+            (facts(Some(StopReason::GiveWay), false, false, false), GiveWay),
+            (facts(Some(StopReason::GiveWay), true, false, true), WaitForGap),
+            (facts(Some(StopReason::TrafficLight), false, false, false), ApproachLight),
+            (facts(Some(StopReason::TrafficLight), true, false, false), WaitAtLight),
+            (facts(Some(StopReason::Crossing), true, true, false), WaitForPedestrian),
+            (facts(Some(StopReason::NoRoom), true, false, false), WaitForRoom),
+            (facts(Some(StopReason::StopSign), true, false, false), StopSign),
+        ] {
+            assert_eq!(next(facts), state, "{facts:?}");
+        }
+    }
+}
