@@ -46,6 +46,11 @@ pub enum Step {
 }
 
 impl Step {
+    /// Returns true for a lane change.
+    pub fn is_change(self) -> bool {
+        matches!(self, Self::ChangeLeft | Self::ChangeRight)
+    }
+
     /// Name in output.
     pub fn name(self) -> &'static str {
         match self {
@@ -66,6 +71,8 @@ pub struct Way {
     pub length_m: f64,
     /// Place of the start along the first lane, and of the destination along the last one, metres.
     pub ends_m: [f64; 2],
+    /// Places between them that it passes: index of the lane, and place along it, metres.
+    pub via: Vec<(usize, f64)>,
 }
 
 impl Way {
@@ -89,7 +96,7 @@ impl Way {
 
     /// Number of lane changes.
     pub fn changes(&self) -> usize {
-        self.lanes.iter().filter(|(step, _)| matches!(step, Step::ChangeLeft | Step::ChangeRight)).count()
+        self.lanes.iter().filter(|(step, _)| step.is_change()).count()
     }
 }
 
@@ -150,9 +157,12 @@ struct Search<'m> {
 pub fn find_over(map: &Map, stops: &[Stop], closed: &[Stop]) -> Result<Way, usize> {
     let Some(&start) = stops.first() else { return Err(0) };
     let lanes = vec![(Step::Begin, start.lane)];
-    let mut whole = Way { lanes, length_m: 0.0, ends_m: [start.s_m; 2] };
+    let mut whole = Way { lanes, length_m: 0.0, ends_m: [start.s_m; 2], via: Vec::new() };
     for (k, two) in stops.windows(2).enumerate() {
         let leg = find(map, two[0], two[1], closed).ok_or(k + 1)?;
+        if k > 0 {
+            whole.via.push((whole.lanes.len() - 1, two[0].s_m));
+        }
         whole.lanes.extend(&leg.lanes[1..]);
         whole.length_m += leg.length_m;
         whole.ends_m[1] = leg.ends_m[1];
@@ -189,7 +199,7 @@ pub fn find(map: &Map, from: Stop, to: Stop, closed: &[Stop]) -> Option<Way> {
         node = at.1.from;
     }
     lanes.reverse();
-    let mut way = Way { lanes, length_m: cost_m, ends_m: [from.s_m, to.s_m] };
+    let mut way = Way { lanes, length_m: cost_m, ends_m: [from.s_m, to.s_m], via: Vec::new() };
     let tight = way.lanes.iter().filter(|(step, _)| *step == Step::Follow);
     let tight = tight.filter(|(_, lane)| map.lane(*lane).is_some_and(is_tight)).count();
     way.length_m -= CHANGE_M * way.changes() as f64 + TIGHT_M * tight as f64;

@@ -32,13 +32,29 @@ const GAP_M: f64 = 0.75;
 /// Share of the radius of a turn up to which ground on its inside is used.
 const RADIUS_SHARE: f64 = 0.8;
 
-/// A row of the road: lanes side by side, from that on which the route enters to that on which it leaves.
+/// Least length of the piece of a row before or after a place that the route passes, metres.
+const PIECE_M: f64 = 1.0;
+
+/// A row of the road: lanes side by side, from that on which the route enters to that on which it leaves. A place that
+/// the route passes cuts it into pieces, each a row.
 #[derive(Clone, Copy)]
 struct Row<'m> {
     from: &'m Lane,
     to: &'m Lane,
     /// Number of lanes from one to the other; positive to the left.
     across: i32,
+    /// Begin and end of the piece, as shares of the length of its lanes.
+    span: [f64; 2],
+}
+
+impl Row<'_> {
+    fn is_cut_at_begin(&self) -> bool {
+        self.span[0] > 0.0
+    }
+
+    fn is_whole(&self) -> bool {
+        self.span == [0.0, 1.0]
+    }
 }
 
 pub(super) fn route(
@@ -58,7 +74,10 @@ pub(super) fn route(
             let next = rows[k..].iter().position(|row| row.across != 0).map(|ahead| k + ahead);
             let begin = next.map_or(k + 1, |change| spread(map, &rows, k, change).0);
             if begin > k {
-                add_lane(map, &mut parts, row.from);
+                match row.is_whole() {
+                    true => add_lane(map, &mut parts, row.from),
+                    false => last_begin_m = add_change(map, &mut parts, &Change::none(row))?,
+                }
                 k += 1;
                 continue;
             }
@@ -86,7 +105,7 @@ pub(super) fn route(
 /// Rows of a way: successive changes are one row.
 fn rows<'m>(map: &'m Map, way: &Way) -> Result<Vec<Row<'m>>, RouteError> {
     let mut rows: Vec<Row<'m>> = Vec::new();
-    for &(step, id) in &way.lanes {
+    for (k, &(step, id)) in way.lanes.iter().enumerate() {
         let lane = map.lane(id).ok_or(RouteError::Unknown(id))?;
         let aside = match step {
             Step::Begin | Step::Follow => 0,
@@ -95,24 +114,41 @@ fn rows<'m>(map: &'m Map, way: &Way) -> Result<Vec<Row<'m>>, RouteError> {
         };
         match rows.last_mut().filter(|_| aside != 0) {
             Some(row) => (row.to, row.across) = (lane, row.across + aside),
-            None => rows.push(Row { from: lane, to: lane, across: 0 }),
+            None => rows.push(Row { from: lane, to: lane, across: 0, span: [0.0, 1.0] }),
+        }
+        for (_, s_m) in way.via.iter().filter(|(at, _)| *at == k) {
+            cut(&mut rows, s_m / lane.line.length());
         }
     }
     Ok(rows)
 }
 
+/// Cuts the last row at a share of its length, so that the changes before and after that place are not one. Where there
+/// is a single lane, nothing changes.
+fn cut(rows: &mut Vec<Row<'_>>, share: f64) {
+    let Some(last) = rows.last_mut() else { return };
+    let least = PIECE_M / last.to.line.length();
+    let is_alone = [last.to.left, last.to.right].into_iter().flatten().all(|beside| beside.opposite);
+    if is_alone || share < last.span[0] + least || share > last.span[1] - least {
+        return;
+    }
+    let next = Row { from: last.to, across: 0, span: [share, last.span[1]], ..*last };
+    last.span[1] = share;
+    rows.push(next);
+}
+
 /// Rows before and after the row of a change on which the same lanes are side by side, not before row `least`: their
 /// range.
 fn spread(map: &Map, rows: &[Row<'_>], least: usize, change: usize) -> (usize, usize) {
-    let Row { from, to, across } = rows[change];
+    let Row { from, to, across, .. } = rows[change];
     let (mut begin, mut target) = (change, to);
-    while begin > least && rows[begin - 1].across == 0 {
+    while begin > least && rows[begin - 1].across == 0 && !rows[begin].is_cut_at_begin() {
         let found = beside(map, rows[begin - 1].to, across);
         let Some(other) = found.filter(|other| other.successors.contains(&target.id)) else { break };
         (begin, target) = (begin - 1, other);
     }
     let (mut end, mut left) = (change + 1, from);
-    while end < rows.len() && rows[end].across == 0 {
+    while end < rows.len() && rows[end].across == 0 && !rows[end].is_cut_at_begin() {
         let found = beside(map, rows[end].from, -across);
         let Some(other) = found.filter(|other| left.successors.contains(&other.id)) else { break };
         (end, left) = (end + 1, other);
@@ -132,24 +168,40 @@ fn beside<'m>(map: &'m Map, lane: &'m Lane, across: i32) -> Option<&'m Lane> {
 }
 
 /// Both lanes of each row of a change, from the lane before the change to that after it.
-fn run<'m>(map: &'m Map, rows: &[Row<'m>], across: i32) -> Vec<[&'m Lane; 2]> {
+fn run<'m>(map: &'m Map, rows: &[Row<'m>], across: i32) -> Vec<Pair<'m>> {
     let mut changed = false;
     let pair = |row: &Row<'m>| {
+        let span = row.span;
         if row.across != 0 {
             changed = true;
-            return [row.from, row.to];
+            return Pair { from: row.from, to: row.to, span };
         }
+        let aside = beside(map, row.from, if changed { -across } else { across }).unwrap_or(row.from);
         match changed {
-            false => [row.from, beside(map, row.from, across).unwrap_or(row.from)],
-            true => [beside(map, row.from, -across).unwrap_or(row.from), row.from],
+            false => Pair { from: row.from, to: aside, span },
+            true => Pair { from: aside, to: row.from, span },
         }
     };
     rows.iter().map(pair).collect()
 }
 
+/// The lanes of a row before and after a change, and begin and end of the piece, as shares of their lengths.
+#[derive(Clone, Copy)]
+struct Pair<'m> {
+    from: &'m Lane,
+    to: &'m Lane,
+    span: [f64; 2],
+}
+
+impl Pair<'_> {
+    fn length_m(&self) -> f64 {
+        self.from.line.length() * (self.span[1] - self.span[0])
+    }
+}
+
 /// A move from lane to lane over rows of both.
 struct Change<'m> {
-    rows: Vec<[&'m Lane; 2]>,
+    rows: Vec<Pair<'m>>,
     /// Place where it begins, metres into the rows, and its length.
     begin_m: f64,
     over_m: f64,
@@ -158,11 +210,12 @@ struct Change<'m> {
 impl<'m> Change<'m> {
     /// The first move at or after `from_m` that crosses no line that must not be crossed; that at `from_m` if there is
     /// none. The speed is at most `speed_mps`.
-    fn new(rows: Vec<[&'m Lane; 2]>, from_m: f64, speed_mps: f64) -> Self {
-        let length_m: f64 = rows.iter().map(|[from, _]| from.line.length()).sum();
+    fn new(rows: Vec<Pair<'m>>, from_m: f64, speed_mps: f64) -> Self {
+        let length_m: f64 = rows.iter().map(Pair::length_m).sum();
         let from_m = from_m.min(0.5 * length_m);
         let limit_mps = |lane: &Lane| lane.speed_limit_mps.map_or(speed_mps, |limit| limit.min(speed_mps));
-        let fastest_mps = rows.iter().flatten().map(|lane| limit_mps(lane)).fold(0.0, f64::max);
+        let lanes = rows.iter().flat_map(|row| [row.from, row.to]);
+        let fastest_mps = lanes.map(limit_mps).fold(0.0, f64::max);
         let over_m = CHANGE_LENGTH_M.max(CHANGE_S * fastest_mps);
         let at = |rows, begin_m: f64| Self { rows, begin_m, over_m: over_m.min(length_m - begin_m) };
         let mut change = at(rows, from_m);
@@ -175,6 +228,12 @@ impl<'m> Change<'m> {
         at(change.rows, from_m)
     }
 
+    /// The lane of a piece of a row, without a move.
+    fn none(row: &Row<'m>) -> Self {
+        let rows = vec![Pair { from: row.from, to: row.from, span: row.span }];
+        Self { rows, begin_m: 0.0, over_m: f64::INFINITY }
+    }
+
     /// Returns true if the line between the lanes may be crossed where the outline is over it: in the middle half.
     fn is_free(&self) -> bool {
         let places = (0..=4).map(|k| self.begin_m + self.over_m * (0.25 + 0.125 * f64::from(k)));
@@ -183,13 +242,13 @@ impl<'m> Change<'m> {
 
     fn may_cross(&self, at_m: f64) -> bool {
         let mut row_m = 0.0;
-        for [from, to] in &self.rows {
-            let row_length_m = from.line.length();
-            if at_m <= row_m + row_length_m {
+        for row @ Pair { from, to, span } in &self.rows {
+            if at_m <= row_m + row.length_m() {
                 let is_left = from.left.is_some_and(|left| left.lane == to.id);
-                return from.may_cross(if is_left { Side::Left } else { Side::Right }, at_m - row_m);
+                let s_m = span[0] * from.line.length() + at_m - row_m;
+                return from.may_cross(if is_left { Side::Left } else { Side::Right }, s_m);
             }
-            row_m += row_length_m;
+            row_m += row.length_m();
         }
         true
     }
@@ -203,14 +262,17 @@ impl<'m> Change<'m> {
 /// Adds the move from lane to lane. Gives the arc length at which the last lanes of its rows begin.
 fn add_change(map: &Map, parts: &mut Parts, change: &Change<'_>) -> Result<f64, RouteError> {
     let (mut row_m, mut last_begin_m) = (0.0, parts.length_m);
-    for &[from, to] in &change.rows {
-        last_begin_m = parts.length_m;
-        let row_length_m = from.line.length();
+    for row @ &Pair { from, to, span } in &change.rows {
+        last_begin_m = parts.length_m - span[0] * to.line.length();
+        let row_length_m = row.length_m();
         let share = |s_m: f64| change.share(row_m + s_m);
         let count = (row_length_m / SAMPLE_M).ceil().max(1.0);
-        let samples: Vec<Sample> = (0..=count as usize)
-            .map(|k| Sample::between(from, to, k as f64 / count, share(row_length_m * k as f64 / count)))
-            .collect();
+        let sample = |k: usize| {
+            let at = k as f64 / count;
+            let along = span[0] + at * (span[1] - span[0]);
+            Sample::between(from, to, along, share(row_length_m * at))
+        };
+        let samples: Vec<Sample> = (0..=count as usize).map(sample).collect();
         let mut points = vec![*parts.points.last().unwrap_or(&samples[0].at)];
         points.extend(samples[1..].iter().map(|sample| sample.at));
         let line = Polyline::new(&points)?;
@@ -223,13 +285,12 @@ fn add_change(map: &Map, parts: &mut Parts, change: &Change<'_>) -> Result<f64, 
             around(&points, &samples, lines, true)
         });
         let leaves = samples.iter().position(|x| x.share > 0.5);
-        match leaves {
-            Some(0) => parts.stretch(map, to, 0.0),
-            Some(k) => {
-                parts.stretch(map, from, 0.0);
-                parts.stretch(map, to, line.length() * k as f64 / count);
-            }
-            None => parts.stretch(map, from, 0.0),
+        let goes_on = span[0] > 0.0 && parts.stretches.last().is_some_and(|last| last.lane == from.id);
+        if leaves != Some(0) && !goes_on {
+            parts.stretch(map, from, 0.0);
+        }
+        if let Some(k) = leaves {
+            parts.stretch(map, to, line.length() * k as f64 / count);
         }
         let beside = Beside { ground: &ground, between_lines: between_lines.as_ref(), own: &own };
         parts.add(&points[1..], line.length(), &beside);

@@ -155,14 +155,22 @@ impl Navigator {
         let begun = stretches.clone().filter(|x| x.begin_m <= here_m).count().max(1) - 1;
         let kept = stretches.skip(begun).take_while(|x| x.begin_m <= parts_m.max(here_m));
         let mut lanes: Vec<(Step, LaneId)> = Vec::new();
+        let (mut via, mut begin_m) = (Vec::new(), here_m);
         for stretch in kept {
             let step = match lanes.last() {
                 None => Step::Begin,
                 Some((_, before)) => self.step(*before, stretch.lane)?,
             };
+            // Between two changes the route is on the lane between them.
+            if step.is_change() && lanes.last().is_some_and(|(before, _)| before.is_change()) {
+                via.push((lanes.len() - 1, self.stop_at(0.5 * (begin_m + stretch.begin_m))?.s_m));
+            }
+            begin_m = stretch.begin_m;
             lanes.push((step, stretch.lane));
         }
-        self.way(&lanes, [self.stop_at(here_m)?, self.stop_at(parts_m)?])
+        let mut way = self.way(&lanes, [self.stop_at(here_m)?, self.stop_at(parts_m)?])?;
+        way.via.splice(..0, via);
+        Some(way)
     }
 
     /// Step from a lane to the next one of a route.
@@ -182,6 +190,7 @@ impl Navigator {
         let stops: Vec<Stop> = [parts].into_iter().chain(self.ahead.iter().map(|(stop, _)| *stop)).collect();
         let mut way = find_over(&self.map, &stops, &self.closed).ok()?;
         way.lanes.splice(..1, kept.iter().copied());
+        way.via.iter_mut().for_each(|(k, _)| *k += kept.len() - 1);
         way.ends_m[0] = from.s_m;
         Some(way)
     }

@@ -1,7 +1,7 @@
 use swerve_geom::{Obb, Pose2};
 
 use super::*;
-use crate::router::{Stop, find};
+use crate::router::{Stop, find, find_over};
 use crate::{Features, Junction, JunctionId, LaneId, LaneMarks, Mark, MarkKind, Neighbour};
 
 fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
@@ -96,6 +96,44 @@ fn change_of_lanes_is_one_smooth_move_over_all_rows_where_they_are_side_by_side(
     }
     let lanes: Vec<u32> = route.stretches().iter().map(|stretch| stretch.lane.0).collect();
     assert_eq!(lanes, [1, 3, 2, 4, 6]);
+}
+
+/// A road of 1,000 m with four lanes side by side, from 0 on the left to 3 on the right.
+fn wide_road() -> Map {
+    let mut lanes: Vec<Lane> =
+        (0..4).map(|k| lane(k, &[(0.0, -3.5 * f64::from(k)), (1000.0, -3.5 * f64::from(k))], &[])).collect();
+    (0..3).for_each(|left| side_by_side(&mut lanes, left, left + 1));
+    Map::new(lanes).unwrap()
+}
+
+#[test]
+fn route_is_on_the_lane_of_each_place_that_it_passes() {
+    let map = wide_road();
+    let stop = |(lane, s_m)| Stop { lane: LaneId(lane), s_m };
+    for places in [
+        &[(3, 60.0), (1, 600.0), (3, 900.0)][..],
+        &[(3, 60.0), (3, 600.0), (1, 900.0)],
+        &[(3, 60.0), (1, 400.0), (1, 900.0)],
+        &[(3, 60.0), (2, 300.0), (0, 500.0), (1, 600.0), (3, 900.0)],
+        &[(3, 60.0), (2, 999.8), (3, 1000.0)],
+    ] {
+        let stops: Vec<Stop> = places.iter().copied().map(stop).collect();
+        let way = find_over(&map, &stops, &[]).unwrap();
+        let (route, [start_m, goal_m]) = Route::over(&map, &way, 0.0, 15.0).unwrap();
+        for &(lane, s_m) in places.iter().filter(|place| place.1 < 999.0) {
+            let place = route.project(Point2::new(s_m, -3.5 * f64::from(lane)));
+            assert!(place.d_m.abs() < 0.01, "{places:?}: {} m beside {lane} at {s_m} m", place.d_m);
+            assert_eq!(route.stretch_at(place.s_m).unwrap().lane, LaneId(lane), "{places:?} at {s_m} m");
+        }
+        let goal = route.line().at(goal_m).pose;
+        assert!((goal.x_m - places.last().unwrap().1).abs() < 0.01, "{places:?}: {goal_m}");
+        assert_eq!(start_m, 60.0);
+        let twice = route.stretches().windows(2).find(|two| two[0].lane == two[1].lane);
+        assert_eq!(twice, None, "{places:?}");
+        if goal_m < 950.0 {
+            assert!(most_curvature_1pm(&route) < 3.0 * 5.9 * 3.5 / 3600.0);
+        }
+    }
 }
 
 #[test]
