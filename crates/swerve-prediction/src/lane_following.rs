@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_geom::{Point2, Vector2, angle_between};
-use swerve_map::{Lane, LaneId, Map};
+use swerve_map::{Lane, LaneId, Map, Side};
 use swerve_msg::{ActorKind, PredictionList, Route, Track, TrackList};
 
 use crate::road::{place_of, share_along};
@@ -16,12 +16,15 @@ const SPEED_MIN_MPS: f64 = 1.0;
 const ALONG_RAD: f64 = 0.6;
 /// Angle that counts as much as a metre from the centre of the lane, radians.
 const RAD_PER_M: f64 = 0.1;
+/// Most lanes to one side of a lane that are looked at.
+const LANES_MAX: usize = 16;
 /// Length over which the curvature of a lane is averaged, metres.
 const BEND_M: f64 = 10.0;
 
-/// Prediction of vehicles that do not follow the ego's route: along the lanes of a map from the lane that they are on.
+/// Prediction of vehicles along the lanes of a map, from the lane that they are on.
 ///
-/// A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
+/// Vehicles on lanes of the ego's route, or on lanes of the same direction beside them, follow the route; so do those
+/// along it that are on no lane of their direction, such as one that overtakes. All others follow their own lane. A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
 /// before: straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is
 /// nearest to that of the vehicle.
 #[derive(Clone, Debug)]
@@ -37,8 +40,8 @@ impl LaneFollowing {
         Self { map, ways: BTreeMap::new() }
     }
 
-    /// Predicts tracks: those along the ego's route together, on its road; each other vehicle on the road of its own way;
-    /// all others together, without a road.
+    /// Predicts tracks: those that follow the ego's route together, on its road; each other vehicle on the road of its own
+    /// way; all others together, without a road.
     pub fn predict(
         &mut self,
         predictor: &mut dyn Predictor,
@@ -48,8 +51,8 @@ impl LaneFollowing {
     ) -> PredictionList {
         let (mut together, mut open, mut own) = (Vec::new(), Vec::new(), Vec::new());
         for track in &tracks.tracks {
-            let lane = self.lane_of(track);
-            match lane {
+            match self.lane_of(track) {
+                Some(lane) if !self.is_of(ego, lane) => own.push((lane, track.clone())),
                 _ if is_along(ego, track) => together.push(track.clone()),
                 Some(lane) => own.push((lane, track.clone())),
                 None => open.push(track.clone()),
@@ -93,6 +96,24 @@ impl LaneFollowing {
             a.total_cmp(b).then(a_bend.total_cmp(b_bend)).then(a_id.cmp(b_id))
         });
         nearest.map(|(_, lane)| lane)
+    }
+
+    /// True if a lane is one of the route's, or has its direction and is beside one of them.
+    fn is_of(&self, route: &Route, lane: LaneId) -> bool {
+        let Some(at) = self.map.lane(lane) else { return false };
+        let beside = [Side::Left, Side::Right].into_iter().flat_map(|side| self.beside(at, side));
+        let mut same = core::iter::once(lane).chain(beside);
+        same.any(|lane| route.stretches().iter().any(|stretch| stretch.lane == lane))
+    }
+
+    /// Lanes of the same direction to one side of a lane.
+    fn beside<'m>(&'m self, lane: &'m Lane, side: Side) -> impl Iterator<Item = LaneId> + 'm {
+        let next = move |lane: &LaneId| {
+            let lane = self.map.lane(*lane)?;
+            let other = if side == Side::Left { lane.left } else { lane.right };
+            other.filter(|other| !other.opposite).map(|other| other.lane)
+        };
+        core::iter::successors(Some(lane.id), next).skip(1).take(LANES_MAX)
     }
 
     /// Change of the curvature into a lane from its first predecessor, 1/m.

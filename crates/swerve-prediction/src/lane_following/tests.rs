@@ -38,7 +38,13 @@ fn ring() -> Arc<Map> {
     Arc::new(Map::new(lanes).unwrap())
 }
 
-fn predicted(map: &Arc<Map>, (x, y): (f64, f64), (vx, vy): (f64, f64)) -> Vec<Point2> {
+fn predicted(map: &Arc<Map>, place: (f64, f64), velocity_mps: (f64, f64)) -> Vec<Point2> {
+    let far = Polyline::new(&[Point2::new(500.0, 0.0), Point2::new(600.0, 0.0)]).unwrap();
+    beside(&Route::uniform(far, 2.0, 2.0), map, place, velocity_mps)
+}
+
+/// Prediction of a car beside an ego on this route.
+fn beside(ego: &Route, map: &Arc<Map>, (x, y): (f64, f64), (vx, vy): (f64, f64)) -> Vec<Point2> {
     let velocity_mps = Vector2::new(vx, vy);
     let pose = Pose2::new(x, y, velocity_mps.heading());
     let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
@@ -46,9 +52,7 @@ fn predicted(map: &Arc<Map>, (x, y): (f64, f64), (vx, vy): (f64, f64)) -> Vec<Po
     let track = Track { id: ActorId(7), kind: ActorKind::Car, pose, velocity_mps, extent, history };
     let tracks = TrackList { stamp: Time::ZERO, tracks: vec![track] };
     let horizon = Horizon { steps: 20, step: Span::from_ms(200) };
-    let far = Polyline::new(&[Point2::new(500.0, 0.0), Point2::new(600.0, 0.0)]).unwrap();
-    let ego = Route::uniform(far, 2.0, 2.0);
-    let list = LaneFollowing::new(Arc::clone(map)).predict(&mut Constant, &tracks, &horizon, &ego);
+    let list = LaneFollowing::new(Arc::clone(map)).predict(&mut Constant, &tracks, &horizon, ego);
     let [only] = &list.predictions[..] else { panic!("{list:?}") };
     only.path.iter().map(|place| place.pose.point()).collect()
 }
@@ -76,4 +80,31 @@ fn vehicle_on_the_exit_leaves() {
 fn vehicle_beside_all_lanes_goes_straight_on() {
     let end = predicted(&ring(), (40.0, 40.0), (-8.0, 0.0))[20];
     assert!(end.distance(Point2::new(8.0, 40.0)) < 0.5, "{end:?}");
+}
+
+#[test]
+fn oncoming_car_keeps_its_lane_where_the_route_of_the_ego_turns() {
+    let turn: Vec<(f64, f64)> = (0..=8)
+        .map(|k| {
+            let (sin, cos) = math::sin_cos(core::f64::consts::FRAC_PI_2 * f64::from(k) / 8.0);
+            (10.0 * sin, -12.0 + 10.0 * cos)
+        })
+        .collect();
+    let lanes = [
+        lane(0, &[(-50.0, -2.0), (0.0, -2.0)], &[1]),
+        lane(1, &turn, &[2]),
+        lane(2, &[(10.0, -12.0), (10.0, -60.0)], &[]),
+        lane(3, &[(60.0, 2.0), (-60.0, 2.0)], &[]),
+    ];
+    let map = Arc::new(Map::new(lanes.to_vec()).unwrap());
+    let ego = Route::along(&map, &[0, 1, 2].map(LaneId)).unwrap();
+    for k in 0..60 {
+        let x_m = 20.0 - 0.5 * f64::from(k);
+        for place in beside(&ego, &map, (x_m, 2.0), (-10.0, 0.0)) {
+            assert!((place.y_m - 2.0).abs() < 0.05, "from {x_m}: {place:?}");
+        }
+    }
+    // A car ahead on the ego's lanes turns with them.
+    let end = beside(&ego, &map, (-10.0, -2.0), (8.0, 0.0))[20];
+    assert!((end.x_m - 10.0).abs() < 1.0 && end.y_m < -12.0, "{end:?}");
 }
