@@ -408,11 +408,24 @@ impl Comfort {
         let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
         let holds =
             points.iter().all(|p| lateral_mps2(p) <= most_mps2 && p.curvature_1pm.abs() <= tightest_1pm)
+                && points.windows(2).all(|two| bends_at_most([&two[0], &two[1]], most_mps2))
                 && self.gentle.keeps_road(request, &poses)
                 && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
         holds.then_some(Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 })
     }
 }
+
+/// False if the way between two points turns away from its first heading by more than a lateral acceleration allows: a
+/// move shorter than the distance of the points has no curvature at either.
+fn bends_at_most([from, to]: [&PlanPoint; 2], lateral_mps2: f64) -> bool {
+    let way = to.pose.point() - from.pose.point();
+    let aside_m = way.dot(from.pose.direction().left()).abs();
+    let dt_s = (to.at - from.at).as_secs();
+    aside_m <= 0.5 * lateral_mps2 * dt_s * dt_s + BENDS_M
+}
+
+/// Offset that two points may have besides, metres.
+const BENDS_M: f64 = 0.1;
 
 /// Target speed; if a road user behind is about to hit the ego, its speed, up to a factor above the target.
 fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64 {

@@ -117,7 +117,8 @@ fn meeting(one: &Mover, scene: &Scene<'_>) -> Option<Meeting> {
     let instants = (0..=(AHEAD_S / LOOK_S) as usize).map(|k| k as f64 * LOOK_S);
     let level = instants.filter(|&t_s| {
         let at = one.at(t_s);
-        at.from_m < rear_m(t_s) + shape.length_m + NEAR_M && at.to_m > rear_m(t_s)
+        // One that is on the right of the ego's way is not met by moving to the right.
+        at.from_m < rear_m(t_s) + shape.length_m + NEAR_M && at.to_m > rear_m(t_s) && at.left_m > -half_m
     });
     level.fold(None, |found: Option<Meeting>, t_s| {
         let beside_m = one.at(t_s).right_m - half_m;
