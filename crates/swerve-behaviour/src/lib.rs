@@ -2,7 +2,8 @@
 //!
 //! A [`BehaviourPlanner`] reads the situation of one frame and returns a `Decision`. [`FollowRoute`] keeps to the route
 //! and its speed limits, stops at red lights, and does not overtake in junctions. [`RuleBased`] also obeys rights of way,
-//! stop signs and crossings: it waits for those with priority, and names those who wait for the ego.
+//! stop signs and crossings: it waits for those with priority, and names those who wait for the ego. [`PylotStates`] has
+//! the states of Pylot's planner, and decides as [`FollowRoute`].
 //!
 //! **Frames**: arc lengths and offsets are along the line of the route, metres, positive to the left.
 //!
@@ -11,6 +12,7 @@
 mod along;
 mod follow_route;
 mod lights;
+mod pylot;
 mod rule_based;
 
 use swerve_core::Time;
@@ -21,6 +23,7 @@ use swerve_msg::{Decision, EgoState, Prediction, Route, TrafficLights};
 use swerve_vehicle::{Limits, Shape};
 
 pub use follow_route::{FollowRoute, FollowRouteParams};
+pub use pylot::{PylotStates, PylotStatesParams};
 pub use rule_based::{RuleBased, RuleBasedParams};
 
 /// A map, and the conflict zones of its lanes.

@@ -12,6 +12,7 @@ mod block;
 mod entry;
 mod others;
 mod people;
+mod queue;
 mod state;
 
 use schemars::JsonSchema;
@@ -51,6 +52,10 @@ const CREEPS_MPS: f64 = 1.0;
 const FOLLOW_M: f64 = 10.0;
 const FOLLOW_S: f64 = 2.0;
 const FOLLOW_GROWTH: f64 = 1.5;
+/// Deceleration from which a stop is an emergency, m/s²: comfort ends at 4.05 (nuPlan).
+const EMERGENCY_MPS2: f64 = 5.0;
+/// Distance over the line of its lane from which the ego overtakes, metres.
+const OVER_LINE_M: f64 = 0.1;
 /// Distance of a light's stop line from the map's up to which they are the same, metres.
 const SAME_LINE_M: f64 = 2.0;
 
@@ -127,6 +132,8 @@ struct Course {
     lanes: Vec<OnLane>,
     blocks: Vec<(Block, Held)>,
     crossings: Vec<(RouteCrossing, Held)>,
+    /// Parts of the route on which it changes lanes.
+    changes_m: Vec<[f64; 2]>,
 }
 
 /// Obeys lights, signs, rights of way and crossings.
@@ -257,7 +264,8 @@ impl RuleBased {
         let blocks = block::blocks(at.route, &lanes, roads, half_m).into_iter();
         let blocks = blocks.map(|block| (block, held)).collect();
         let crossings = block::crossings(at.route, roads).into_iter().map(|one| (one, held)).collect();
-        self.course = Course { route: Some(at.number), lanes, blocks, crossings };
+        let changes_m = block::changes(at.route, roads.map);
+        self.course = Course { route: Some(at.number), lanes, blocks, crossings, changes_m };
     }
 
     /// The state, and the road user because of whom.
@@ -279,6 +287,10 @@ impl RuleBased {
             rests: self.rests,
             has_lead: lead.is_some(),
             is_in_junction: at.route.to_junction_m(own.center_m) == 0.0,
+            brakes_hard: at.ego.accel_mps2 < -EMERGENCY_MPS2,
+            changes_lane: self.course.changes_m.iter().any(|[from, to]| (*from..*to).contains(&own.center_m)),
+            is_over_line: at.place.d_m + 0.5 * at.shape.width_m
+                > at.route.lane().left_m(at.place.s_m) + OVER_LINE_M,
         };
         let state = state::next(facts);
         let because = match state {
@@ -357,6 +369,9 @@ impl BehaviourPlanner for RuleBased {
             self.take_route(at, roads);
             let vehicles = self.others.update(at, roads, &self.course.lanes);
             lead = self.lead(own, &vehicles);
+            let blocks = self.course.blocks.iter().map(|(block, _)| block.stop_m);
+            let crossings = self.course.crossings.iter().map(|(crossing, _)| crossing.stop_m);
+            decision.waiting = queue::waiting(own, blocks.chain(crossings), &vehicles);
             let red_m = stops.iter().map(|stop| stop.point.s_m).reduce(f64::min);
             let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m), dt_s);
             decision.expected_to_yield = expected;

@@ -26,6 +26,9 @@ pub struct Decision {
     pub stops: Vec<StopPoint>,
     /// Road users to give way to, ordered by identity.
     pub yields: Vec<ActorId>,
+    /// Vehicles ahead that wait in a queue before a stop line, ordered by identity: they are not overtaken.
+    #[serde(default, serialize_with = "unless_default")]
+    pub waiting: Vec<ActorId>,
     /// Vehicles that give way to the ego, ordered by identity.
     #[serde(default, serialize_with = "unless_default")]
     pub expected_to_yield: Vec<ExpectedStop>,
@@ -70,6 +73,12 @@ pub enum DrivingState {
     InJunction,
     /// Before a crossing that a pedestrian uses.
     WaitForPedestrian,
+    /// From one lane of the route to the next.
+    LaneChange,
+    /// Over the line of its lane, past something.
+    Overtake,
+    /// Braking as hard as only an emergency justifies.
+    EmergencyStop,
 }
 
 /// A speed to keep on a part of a route, up to the next one.

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::sync::LazyLock;
 
+use swerve_pylot::Preset;
 use swerve_scenario::{Course, Road};
 use toml::de::DeTable;
 
@@ -22,6 +23,7 @@ macro_rules! part {
 
 static WORLD: Part = part!("world.toml");
 static STACK: Part = part!("stack.toml");
+static PAPER: Part = part!("paper.toml");
 static CAR: Part = part!("car.toml");
 static OUTSIDE: Part = part!("outside.toml");
 static VEHICLE: Part = part!("vehicle.toml");
@@ -63,7 +65,11 @@ pub(crate) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
         parts.iter().flat_map(|part| part.0.iter().cloned()).collect()
     };
     let mut entries = [of(before), sensors(setup), of(behind)].concat();
+    let paper = (setup.planning.preset == Preset::Paper).then(|| of(&[&PAPER])).unwrap_or_default();
     for (name, own) in &mut entries {
+        if let Some((_, set)) = paper.iter().find(|(known, _)| known == name) {
+            *own = changed(own, set);
+        }
         if let Some(set) = setup.operator.get(name) {
             *own = changed(own, set);
         }
@@ -128,7 +134,7 @@ fn sensors(setup: &Setup) -> Vec<(String, OperatorConfig)> {
 /// Names of the pipeline's own operators, under any settings.
 pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
     let parts: [&'static Part; 9] =
-        [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE, &LIGHTS, &CLOSURES];
+        [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &PAPER, &CAR, &GATE, &LIGHTS, &CLOSURES];
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 

@@ -2,7 +2,10 @@
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use swerve_behaviour::{BehaviourPlanner, FollowRoute, FollowRouteParams, RuleBased, RuleBasedParams};
+use swerve_behaviour::{
+    BehaviourPlanner, FollowRoute, FollowRouteParams, PylotStates, PylotStatesParams, RuleBased,
+    RuleBasedParams,
+};
 use swerve_core::Ranges;
 
 /// A behaviour planner that `kind` of an operator can name.
@@ -31,6 +34,16 @@ impl NamedBehaviour for FollowRoute {
     type Params = FollowRouteParams;
 
     fn with_params(params: FollowRouteParams) -> Self {
+        Self::new(params)
+    }
+}
+
+impl NamedBehaviour for PylotStates {
+    const NAME: &'static str = "pylot_states";
+    const DOC: &'static str = "Pylot's two states, which no motion planner reads; keeps to the route";
+    type Params = PylotStatesParams;
+
+    fn with_params(params: PylotStatesParams) -> Self {
         Self::new(params)
     }
 }

@@ -91,6 +91,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<closures::ClosureReport>()
         .with::<router::Router>()
         .with_behaviour::<swerve_behaviour::FollowRoute>()
+        .with_behaviour::<swerve_behaviour::PylotStates>()
         .with_behaviour::<swerve_behaviour::RuleBased>()
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)

@@ -13,14 +13,23 @@ pub(super) struct Facts {
     /// True if another vehicle is ahead, nearer than the stop.
     pub(super) has_lead: bool,
     pub(super) is_in_junction: bool,
+    /// True if it brakes harder than a careful driver ever has to.
+    pub(super) brakes_hard: bool,
+    /// True if its way leads from one lane to the next.
+    pub(super) changes_lane: bool,
+    /// True if it is over the line of its lane elsewhere.
+    pub(super) is_over_line: bool,
 }
 
 /// The next state. This is the only place where the state changes: the first row that applies.
 pub(super) fn next(facts: Facts) -> DrivingState {
     use StopReason as Stop;
-    let Facts { stop, rests, has_lead, is_in_junction } = facts;
+    let Facts { stop, rests, has_lead, is_in_junction, .. } = facts;
     match (stop, rests, has_lead, is_in_junction) {
+        _ if facts.brakes_hard => EmergencyStop,
+        _ if facts.is_over_line && !rests && !is_in_junction => Overtake,
         (Some(Stop::Crossing), ..) => WaitForPedestrian,
+        (None, false, ..) if facts.changes_lane => LaneChange,
         (_, _, true, false) => Follow,
         (Some(Stop::TrafficLight), false, ..) => ApproachLight,
         (Some(Stop::TrafficLight), true, ..) => WaitAtLight,
@@ -39,7 +48,16 @@ mod tests {
 
     #[test]
     fn states_follow_the_table() {
-        let facts = |stop, rests, has_lead, is_in_junction| Facts { stop, rests, has_lead, is_in_junction };
+        let facts = |stop, rests, has_lead, is_in_junction| Facts {
+            stop,
+            rests,
+            has_lead,
+            is_in_junction,
+            ..Facts::default()
+        };
+        let hard = Facts { brakes_hard: true, ..facts(Some(StopReason::Crossing), false, true, false) };
+        let over = |is_in_junction| Facts { is_over_line: true, ..facts(None, false, true, is_in_junction) };
+        let change = |stop| Facts { changes_lane: true, ..facts(stop, false, true, false) };
         for (facts, state) in [
             (facts(None, false, false, false), Cruise),
             (facts(None, true, true, false), Follow),
@@ -52,6 +70,11 @@ mod tests {
             (facts(Some(StopReason::Crossing), true, true, false), WaitForPedestrian),
             (facts(Some(StopReason::NoRoom), true, false, false), WaitForRoom),
             (facts(Some(StopReason::StopSign), true, false, false), StopSign),
+            (hard, EmergencyStop),
+            (over(false), Overtake),
+            (over(true), InJunction),
+            (change(None), LaneChange),
+            (change(Some(StopReason::TrafficLight)), Follow),
         ] {
             assert_eq!(next(facts), state, "{facts:?}");
         }

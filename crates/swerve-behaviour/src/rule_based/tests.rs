@@ -272,3 +272,25 @@ fn of_two_that_wait_for_each_other_one_goes() {
     // Each waits for the one to its right: those go that are farther to the west and south than that one.
     assert_eq!(going, [true, true, false, false]);
 }
+
+#[test]
+fn cars_that_queue_before_a_line_are_not_passed_and_parked_ones_are() {
+    let straight = [FROM_WEST, FROM_WEST];
+    let queue = |places_m: [f64; 3], speed_mps: f64, stands_s: f64| {
+        let mut posed = at_crossing("crossing.xodr", straight, 60.0, 0.0);
+        for place_m in places_m {
+            posed = posed.car(on_arm(FROM_WEST, place_m), speed_mps);
+        }
+        posed.decide_after(stands_s).waiting.iter().map(|id| id.0).collect::<Vec<_>>()
+    };
+    // The stop line is 11 to 13 m before the centre of the crossing.
+    assert_eq!(queue([-16.0, -23.0, -32.0], 0.0, 1.0), [1, 2, 3]);
+    assert_eq!(queue([-16.0, -23.0, -32.0], 2.0, 0.0), [1, 2, 3]);
+    // The third is 16 m behind the second, or the first 20 m before the line, or they drive.
+    assert_eq!(queue([-16.0, -23.0, -44.0], 0.0, 1.0), [1, 2]);
+    assert_eq!(queue([-35.0, -43.0, -50.0], 0.0, 1.0), [0; 0]);
+    assert_eq!(queue([-16.0, -23.0, -32.0], 8.0, 0.0), [0; 0]);
+    // In the junction, nobody waits before its line.
+    assert_eq!(queue([0.0, -16.0, -23.0], 0.0, 1.0), [2, 3]);
+    assert_eq!(queue([-16.0, -23.0, -32.0], 0.0, 121.0), [0; 0]);
+}

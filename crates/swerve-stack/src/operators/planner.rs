@@ -221,7 +221,9 @@ impl PlannerOperator {
         });
         let memory = &mut self.memory;
         let stamp = predictions.stamp;
-        let changed_lately = memory.changes.take(stamp, &predictions.predictions);
+        let mut changed_lately = memory.changes.take(stamp, &predictions.predictions);
+        // Those that wait will drive on.
+        changed_lately.extend(&decision.waiting);
         let local = memory.local.at(stamp);
         let measured = &memory.local.state(measured, local);
         let moved = memory.previous.as_deref().and_then(|plan| carried(plan, memory.previous_local, local));
