@@ -2,7 +2,7 @@
 //!
 //! Gog et al., "Pylot: A Modular Platform for Exploring Latency-Accuracy Tradeoffs in Autonomous Vehicles", ICRA 2021. Of
 //! the states of the published code, two can be reached: it follows the waypoints, and after 50 s without motion it
-//! overtakes, until it has moved for 3 s. Its motion planners ignore the state; so the decision is that of
+//! overtakes, until it has moved for 3 s; only that is told. Its motion planners ignore the state; so the decision is that of
 //! [`FollowRoute`](crate::FollowRoute).
 
 use schemars::JsonSchema;
@@ -38,7 +38,7 @@ impl Default for PylotStatesParams {
 pub struct PylotStates {
     params: PylotStatesParams,
     along: FollowRoute,
-    state: DrivingState,
+    overtakes: bool,
     /// Instant since which the ego does what would end the state.
     since: Option<Time>,
 }
@@ -47,22 +47,23 @@ impl PylotStates {
     /// Creates the planner.
     pub fn new(params: PylotStatesParams) -> Self {
         let along = FollowRoute::new(FollowRouteParams::default());
-        Self { params, along, state: DrivingState::Cruise, since: None }
+        Self { params, along, overtakes: false, since: None }
     }
 }
 
 impl BehaviourPlanner for PylotStates {
     fn decide(&mut self, at: &Situation<'_>) -> Decision {
         let stands = at.ego.speed_mps < STANDS_MPS;
-        let (ends, after_s, next) = match self.state {
-            DrivingState::Overtake => (!stands, self.params.moves_s, DrivingState::Cruise),
-            _ => (stands, self.params.blocked_s, DrivingState::Overtake),
+        let (ends, after_s) = match self.overtakes {
+            true => (!stands, self.params.moves_s),
+            false => (stands, self.params.blocked_s),
         };
         self.since = ends.then(|| self.since.unwrap_or(at.stamp));
         if self.since.is_some_and(|since| (at.stamp - since).as_secs() > after_s) {
-            (self.state, self.since) = (next, None);
+            (self.overtakes, self.since) = (!self.overtakes, None);
         }
-        Decision { state: Some(self.state), ..self.along.decide(at) }
+        let state = self.overtakes.then_some(DrivingState::Overtake);
+        Decision { state, ..self.along.decide(at) }
     }
 }
 
@@ -97,19 +98,19 @@ mod tests {
                 limits: &limits,
             });
             assert!(decision.stops.is_empty());
-            decision.state.unwrap()
+            decision.state == Some(DrivingState::Overtake)
         };
         for (at_s, speed_mps, expected) in [
-            (0.0, 5.0, DrivingState::Cruise),
-            (1.0, 0.0, DrivingState::Cruise),
-            (40.0, 1.0, DrivingState::Cruise),
-            (41.0, 0.0, DrivingState::Cruise),
-            (91.0, 0.0, DrivingState::Cruise),
-            (91.1, 0.0, DrivingState::Overtake),
-            (92.0, 2.0, DrivingState::Overtake),
-            (94.0, 0.0, DrivingState::Overtake),
-            (95.0, 2.0, DrivingState::Overtake),
-            (98.1, 2.0, DrivingState::Cruise),
+            (0.0, 5.0, false),
+            (1.0, 0.0, false),
+            (40.0, 1.0, false),
+            (41.0, 0.0, false),
+            (91.0, 0.0, false),
+            (91.1, 0.0, true),
+            (92.0, 2.0, true),
+            (94.0, 0.0, true),
+            (95.0, 2.0, true),
+            (98.1, 2.0, false),
         ] {
             assert_eq!(state(at_s, speed_mps), expected, "{at_s} s");
         }

@@ -364,11 +364,10 @@ impl BehaviourPlanner for RuleBased {
             x_m: at.ego.pose.x_m,
             y_m: at.ego.pose.y_m,
         };
-        let mut lead = None;
         if let Some(roads) = at.roads.filter(|_| at.ego.is_plausible()) {
             self.take_route(at, roads);
             let vehicles = self.others.update(at, roads, &self.course.lanes);
-            lead = self.lead(own, &vehicles);
+            let lead = self.lead(own, &vehicles);
             let blocks = self.course.blocks.iter().map(|(block, _)| block.stop_m);
             let crossings = self.course.crossings.iter().map(|(crossing, _)| crossing.stop_m);
             decision.waiting = queue::waiting(own, blocks.chain(crossings), &vehicles);
@@ -377,10 +376,10 @@ impl BehaviourPlanner for RuleBased {
             decision.expected_to_yield = expected;
             stops.extend(more);
             stops.extend(self.pass_crossings(at, (roads, own)));
+            stops.sort_by(|a, b| a.point.s_m.total_cmp(&b.point.s_m));
+            let (state, because) = self.state(at, own, &stops, lead);
+            (decision.state, decision.because) = (Some(state), because);
         }
-        stops.sort_by(|a, b| a.point.s_m.total_cmp(&b.point.s_m));
-        let (state, because) = self.state(at, own, &stops, lead);
-        (decision.state, decision.because) = (Some(state), because);
         let gives_way = stops.iter().filter(|stop| stop.point.cause == StopReason::GiveWay);
         decision.yields = gives_way.flat_map(|stop| stop.who.iter().copied()).collect();
         decision.yields.sort_unstable();

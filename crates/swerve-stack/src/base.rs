@@ -133,7 +133,7 @@ fn sensors(setup: &Setup) -> Vec<(String, OperatorConfig)> {
 
 /// Names of the pipeline's own operators, under any settings.
 pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
-    let parts: [&'static Part; 9] =
+    let parts: [&'static Part; 10] =
         [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &PAPER, &CAR, &GATE, &LIGHTS, &CLOSURES];
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }

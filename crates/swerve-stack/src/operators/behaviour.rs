@@ -8,6 +8,7 @@ use swerve_geom::LineTracker;
 use swerve_map::Map;
 use swerve_map::conflict::Conflicts;
 use swerve_msg::{Decision, EgoState, PredictionList, Route, TrafficLights};
+use swerve_scenario::Course;
 use swerve_vehicle::VehicleParams;
 
 use super::planner::measured_at;
@@ -98,8 +99,12 @@ impl<B: NamedBehaviour> Kind for Behaviour<B> {
 
     fn new(table: B::Params, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
-        let roads = B::READS_MAP.then(|| {
-            let map = site.map();
+        // A road without junctions has no rights of way.
+        let map = match &around.scenario.road.course {
+            Course::Map(course) if B::READS_MAP => Some(Arc::clone(&course.map)),
+            Course::Map(_) | Course::Strip(_) => None,
+        };
+        let roads = map.map(|map| {
             let conflicts = Conflicts::new(&map);
             (map, conflicts)
         });
