@@ -1,5 +1,7 @@
 //! Raised ground: pavements and kerbs.
 
+use core::borrow::Borrow;
+
 use swerve_geom::Point2;
 use swerve_map::{MarkKind, Side};
 
@@ -13,83 +15,90 @@ use crate::paving::{GRASS_M, KERB_M, flags, kerb};
 pub(super) const KERB_FACE_M: [f64; 2] = [GRASS_M, KERB_M as f64];
 /// Width of kerb stones, metres.
 const STONE_M: f64 = 0.16;
-/// Largest side of a part of a pavement that is left out where a road is, metres.
-const CELL_M: f64 = 1.5;
+/// Distance of the stations of a pavement where it meets a road, and of samples across it, metres.
+const DENSE_M: f64 = 0.5;
+const ACROSS_M: f64 = 0.2;
+/// Distance from its edges up to which a pavement is not asked whether it is on a road, metres.
+const EDGE_M: f64 = 0.02;
+/// Narrowest pavement, metres.
+const NARROWEST_M: f64 = 0.3;
+
+/// Offsets of the right and left edges of a pavement at a station, metres to the left of its line.
+type Edges = [f64; 2];
 
 /// Pavement of a lane for pedestrians, without the parts that are on a road.
 pub(super) fn lane(tiles: &mut Tiles, ground: &MapGround<'_>, strip: &Strip<'_>) {
-    let dense = strip.dense(CELL_M);
-    let widest_m = dense.iter().map(Station::width_m).fold(0.0, f64::max);
-    let columns = ((widest_m - 2.0 * STONE_M) / CELL_M).ceil().clamp(1.0, 64.0) as usize;
-    let kept = |stations: &[Station]| -> Vec<Vec<bool>> {
-        let row = |two: &[Station]| {
-            let is_free = |k| !ground.is_road(middle(two, columns, k));
-            (0..columns + 2).map(is_free).collect()
-        };
-        stations.windows(2).map(row).collect()
+    let whole = |station: &Station| {
+        let right_m = station.border_m(Side::Right);
+        [right_m, right_m + station.width_m()]
     };
-    let of_dense = kept(&dense);
-    if of_dense.iter().flatten().all(|is_kept| *is_kept) {
-        let rows = vec![vec![true; columns + 2]; strip.stations.len() - 1];
-        return raised(tiles, &strip.stations, columns, &rows);
+    let dense = strip.dense(DENSE_M);
+    let free: Vec<Option<Edges>> =
+        dense.iter().map(|station| free(ground, station, whole(station))).collect();
+    if dense.iter().zip(&free).all(|(station, free)| *free == Some(whole(station))) {
+        let edges: Vec<Edges> = strip.stations.iter().map(whole).collect();
+        return raised(tiles, &strip.stations, &edges);
     }
-    raised(tiles, &dense, columns, &of_dense);
-}
-
-/// Offset of the edge at the right of a column, metres: a kerb stone, `columns` of slabs, a kerb stone.
-fn edge_m(station: &Station, columns: usize, k: usize) -> f64 {
-    let (right_m, width_m) = (station.border_m(Side::Right), station.width_m());
-    let stone_m = STONE_M.min(width_m / 3.0);
-    match k {
-        0 => right_m,
-        k if k == columns + 2 => right_m + width_m,
-        k => right_m + stone_m + (width_m - 2.0 * stone_m) * ((k - 1) as f64 / columns as f64),
+    let at: Vec<(&Station, Option<Edges>)> = dense.iter().zip(free).collect();
+    for piece in at.chunk_by(|a, b| a.1.is_some() == b.1.is_some()) {
+        let (stations, edges): (Vec<&Station>, Vec<Edges>) =
+            piece.iter().filter_map(|(station, edges)| Some((*station, (*edges)?))).unzip();
+        raised(tiles, &stations, &edges);
     }
 }
 
-fn middle(two: &[Station], columns: usize, k: usize) -> Point2 {
-    let across =
-        |station: &Station| station.at(0.5 * (edge_m(station, columns, k) + edge_m(station, columns, k + 1)));
-    let (from, to) = (across(&two[0]), across(&two[1]));
-    from + (to - from) * 0.5
+/// The widest part between two edges that is not on a road; `None` if there is none.
+fn free(ground: &MapGround<'_>, station: &Station, [right_m, left_m]: Edges) -> Option<Edges> {
+    let is_free = |offset_m: f64| !ground.is_road(station.at(offset_m));
+    let count = ((left_m - right_m) / ACROSS_M).ceil().clamp(1.0, 256.0) as usize;
+    let (first_m, last_m) = (right_m + EDGE_M, left_m - EDGE_M);
+    let offset_m = |k: usize| first_m + (last_m - first_m) * (k as f64 / count as f64);
+    let of_samples: Vec<bool> = (0..=count).map(|k| is_free(offset_m(k))).collect();
+    let mut widest: Option<[usize; 2]> = None;
+    let mut k = 0;
+    while k <= count {
+        let end = k + of_samples[k..].iter().take_while(|is_free| **is_free).count();
+        if end > k && widest.is_none_or(|[from, to]| end - k > to - from + 1) {
+            widest = Some([k, end - 1]);
+        }
+        k = end.max(k + 1);
+    }
+    let [from, to] = widest?;
+    // The edge of the road between a sample that is free and one that is not.
+    let border_m = |mut free_m: f64, mut road_m: f64| {
+        while (free_m - road_m).abs() > 0.01 {
+            let middle_m = 0.5 * (free_m + road_m);
+            if is_free(middle_m) { free_m = middle_m } else { road_m = middle_m }
+        }
+        free_m
+    };
+    let edges = [
+        if from == 0 { right_m } else { border_m(offset_m(from), offset_m(from - 1)) },
+        if to == count { left_m } else { border_m(offset_m(to), offset_m(to + 1)) },
+    ];
+    (edges[1] - edges[0] > NARROWEST_M).then_some(edges)
 }
 
-/// Raised ground where `kept` is true, by rows between stations and columns from the right.
-fn raised(tiles: &mut Tiles, stations: &[Station], columns: usize, kept: &[Vec<bool>]) {
-    let at = |station: &Station, k: usize| station.at(edge_m(station, columns, k));
-    let is_kept = |row: Option<usize>, k: usize| row.and_then(|row| kept.get(row)).is_some_and(|row| row[k]);
-    for (row, two) in stations.windows(2).enumerate() {
-        let top = |k: usize, next: usize| {
-            [(0, k), (1, k), (1, next), (0, next)].map(|(end, k)| (at(&two[end], k), KERB_FACE_M[1]))
-        };
-        let mut k = 0;
-        while k < columns + 2 {
-            // Columns of one material that are kept.
-            let is_stone = k == 0 || k == columns + 1;
-            let end = if is_stone {
-                k + 1
-            } else {
-                (k..=columns).take_while(|k| is_kept(Some(row), *k)).count() + k
-            };
-            if is_kept(Some(row), k) {
-                tiles.flat(if is_stone { kerb() } else { flags() }, top(k, end));
-            }
-            k = end.max(k + 1);
+/// Raised ground between edges at successive stations: slabs between kerb stones.
+fn raised<S: Borrow<Station>>(tiles: &mut Tiles, stations: &[S], edges: &[Edges]) {
+    // Places across, from the right: a kerb stone, slabs, a kerb stone.
+    let across = |(station, [right_m, left_m]): (&S, &Edges)| {
+        let stone_m = STONE_M.min((left_m - right_m) / 3.0);
+        [*right_m, right_m + stone_m, left_m - stone_m, *left_m].map(|offset_m| station.borrow().at(offset_m))
+    };
+    let rows: Vec<[Point2; 4]> = stations.iter().zip(edges).map(across).collect();
+    for two in rows.windows(2) {
+        for k in 0..3 {
+            let top = [two[0][k], two[1][k], two[1][k + 1], two[0][k + 1]];
+            let material = if k == 1 { flags() } else { kerb() };
+            tiles.flat(material, top.map(|point| (point, KERB_FACE_M[1])));
         }
-        for k in (0..columns + 2).filter(|k| is_kept(Some(row), *k)) {
-            if k == 0 || !is_kept(Some(row), k - 1) {
-                tiles.wall(kerb(), [at(&two[0], k), at(&two[1], k)], KERB_FACE_M);
-            }
-            if k == columns + 1 || !is_kept(Some(row), k + 1) {
-                tiles.wall(kerb(), [at(&two[1], k + 1), at(&two[0], k + 1)], KERB_FACE_M);
-            }
-            if !is_kept(row.checked_sub(1), k) {
-                tiles.wall(kerb(), [at(&two[0], k + 1), at(&two[0], k)], KERB_FACE_M);
-            }
-            if !is_kept(Some(row + 1), k) {
-                tiles.wall(kerb(), [at(&two[1], k), at(&two[1], k + 1)], KERB_FACE_M);
-            }
-        }
+        tiles.wall(kerb(), [two[0][0], two[1][0]], KERB_FACE_M);
+        tiles.wall(kerb(), [two[1][3], two[0][3]], KERB_FACE_M);
+    }
+    if let [first, .., last] = &rows[..] {
+        tiles.wall(kerb(), [first[3], first[0]], KERB_FACE_M);
+        tiles.wall(kerb(), [last[0], last[3]], KERB_FACE_M);
     }
 }
 
