@@ -6,8 +6,8 @@ usage: make.py [--check]
 Writes the files beside this script; with --check, compares them and fails if they differ.
 
 Each route has traffic, and scenarios of the ten types of CARLA's Leaderboard 1.0 that begin when the ego comes near.
-Places are along the ego's route: `s` metres from its start, `d` metres to the left of the centre of its lane. Before
-they begin, road users stand beside the road, beyond the pavement, and they end there: nobody waits in a lane.
+Places are along the ego's route: `s` metres from the begin of its first lane, `d` metres to the left of the centre of
+its lane. Road users wait beside the road, beyond the pavement, and end there: nobody stands in a lane before or after.
 
 Every scenario can be solved by a careful driver: when a road user reaches the ego's lane, an ego at the speed limit is
 at least the distance away in which it stops after 1 s of reaction with 4 m/s2, and 5 m more. `distance_m` is that rule.
@@ -21,7 +21,7 @@ from pathlib import Path
 REACTION_S, BRAKE_MPS2, SPARE_M = 1.0, 4.0, 5.0
 # Half the ego's length, and half the width of a lane.
 EGO_M, LANE_M = 2.5, 1.75
-WALK_MPS, RIDE_MPS, SLOW_MPS, PULL_MPS = 1.2, 3.5, 4.0, 5.0
+WALK_MPS, RIDE_MPS, SLOW_MPS, PULL_MPS = 1.2, 2.5, 4.0, 5.0
 
 
 @dataclass
@@ -73,7 +73,7 @@ def walker(name, s, street, begin_m):
     return actor(name, "pedestrian", along(s, -begin_m), trigger_m, [walk])
 
 
-def pedestrian(name, s, street):
+def crossing_pedestrian(name, s, street):
     """Type 3: a person crosses in plain sight."""
     return walker(name, s, street, street.right_m + 0.6)
 
@@ -94,7 +94,7 @@ def rider(name, s, street, limit_kmh):
     return actor(name, "cyclist", along(s, -begin_m), trigger_m, [ride], heading_rad=f"{math.pi / 2:.5f}")
 
 
-def cyclist(name, s, street):
+def crossing_cyclist(name, s, street):
     """Type 3: a cyclist crosses from a driveway."""
     return rider(name, s, street, street.limit_kmh)
 
@@ -105,8 +105,8 @@ def red_light_runner(name, s, street):
 
 
 def cyclist_after_turn(name, s, street):
-    """Type 4: a cyclist crosses where the ego comes out of a turn, which it drives with less than 30 km/h."""
-    return rider(name, s, street, 30.0)
+    """Type 4: a cyclist crosses where the ego comes out of a turn, which it drives with less than 20 km/h."""
+    return rider(name, s, street, 20.0)
 
 
 def slow_cyclist(name, s, street):
@@ -169,14 +169,14 @@ ROUTES = [
         [(31, -1, 20), (26, 1, 60), (22, -1, 100), (17, 1, 60), (2, 1, 100), (1, 1, 150), (24, -1, 40), (25, -1, 60)],
         13.9,
         [
-            (pedestrian, 140, STREET),
+            (crossing_pedestrian, 140, STREET),
             (hidden_pedestrian, 220, STREET),
             (cyclist_after_turn, 301, STREET),
-            (pedestrian, 370, STREET),
+            (crossing_pedestrian, 370, STREET),
             (cyclist_after_turn, 641, ZONE),
             (crossing_without_lights, 757.9, (12, -1, 178), (13, -1)),
             (hidden_pedestrian, 850, ZONE),
-            (cyclist, 1000, STREET),
+            (crossing_cyclist, 1000, STREET),
             (lead_brakes, 1220, STREET),
             (red_light_runner, 1611, STREET),
         ],
@@ -185,29 +185,30 @@ ROUTES = [
         [(24, 1, 100), (11, -1, 80), (14, 1, 60), (2, -1, 100), (16, -1, 60), (12, 1, 90), (15, -1, 60), (23, -1, 100)],
         13.9,
         [
-            (pedestrian, 190, ZONE),
+            (crossing_pedestrian, 190, ZONE),
             (hidden_pedestrian, 260, ZONE),
             (cyclist_after_turn, 346, ZONE),
-            (cyclist, 410, ZONE),
+            (crossing_cyclist, 410, ZONE),
             (slow_cyclist, 560, STREET),
             (oncoming_at_left_turn, 813.5, (17, 1, 125), (16, 1)),
             (hidden_pedestrian, 930, ZONE_PARKING),
             (cyclist_after_turn, 1034, ZONE),
-            (pedestrian, 1270, INNER),
+            (crossing_pedestrian, 1270, INNER),
             (red_light_runner, 1370, INNER),
         ],
     ),
     (
-        [(1, 1, 60), (24, -1, 60), (21, -1, 80), (23, -1, 100), (29, -1, 60), (34, 1, 80), (33, 1, 80), (26, 1, 60), (21, 2, 60)],
+        [(1, 1, 60), (24, -1, 60), (21, -1, 80), (23, -1, 100), (29, -1, 60), (34, 1, 80), (33, 1, 80), (26, 1, 60)]
+        + [(21, 2, 60)],
         13.9,
         [
-            (pedestrian, 400, STREET),
+            (crossing_pedestrian, 400, STREET),
             (hidden_pedestrian, 600, INNER),
             (red_light_runner, 673, INNER),
-            (pedestrian, 780, INNER),
+            (crossing_pedestrian, 780, INNER),
             (red_light_runner, 873, INNER),
             (cyclist_after_turn, 1079, STREET),
-            (cyclist, 1140, STREET),
+            (crossing_cyclist, 1140, STREET),
             (slow_cyclist, 1280, STREET),
             (oncoming_at_left_turn, 1594.6, (32, -1, 178), (33, -1)),
             (cyclist_after_turn, 1763, OUTER),
@@ -218,41 +219,41 @@ ROUTES = [
         27.8,
         [
             (cyclist_after_turn, 153, STREET),
-            (pedestrian, 190, STREET),
+            (crossing_pedestrian, 190, STREET),
             (cyclist_after_turn, 1164, STREET),
-            (pedestrian, 1205, STREET),
+            (crossing_pedestrian, 1205, STREET),
             (hidden_pedestrian, 1310, STREET),
-            (cyclist, 1390, STREET),
+            (crossing_cyclist, 1390, STREET),
             (hidden_pedestrian, 1530, PARKING),
             (cyclist_after_turn, 1604, OUTER),
-            (pedestrian, 1680, OUTER),
+            (crossing_pedestrian, 1680, OUTER),
         ],
     ),
     (
         [(37, -1, 60), (43, 1, 60), (63, -1, 40), (64, -1, 60), (41, 1, 60), (36, -1, 60), (31, -1, 60)],
         27.8,
         [
-            (cyclist, 180, LINK),
+            (crossing_cyclist, 180, LINK),
             (slow_cyclist, 330, LINK),
-            (pedestrian, 440, LINK),
+            (crossing_pedestrian, 440, LINK),
             (cyclist_after_turn, 1411, LINK),
             (hidden_pedestrian, 1500, LINK),
-            (pedestrian, 1570, LINK),
+            (crossing_pedestrian, 1570, LINK),
             (lead_brakes, 1710, LINK),
-            (pedestrian, 1920, STREET),
+            (crossing_pedestrian, 1920, STREET),
         ],
     ),
     (
         [(36, 1, 60), (51, -1, 20), (53, -2, 250), (55, -1, 30), (37, 1, 120), (34, 1, 60)],
         27.8,
         [
-            (cyclist, 270, LINK),
-            (pedestrian, 1265, LINK),
+            (crossing_cyclist, 270, LINK),
+            (crossing_pedestrian, 1265, LINK),
             (cyclist_after_turn, 1322, LINK),
-            (pedestrian, 1400, LINK),
+            (crossing_pedestrian, 1400, LINK),
             (hidden_pedestrian, 1480, LINK),
-            (cyclist, 1570, STREET),
-            (pedestrian, 1660, STREET),
+            (crossing_cyclist, 1570, STREET),
+            (crossing_pedestrian, 1660, STREET),
             (hidden_pedestrian, 1725, STREET),
         ],
     ),
@@ -260,15 +261,15 @@ ROUTES = [
         [(31, 1, 60), (41, -1, 100), (42, -1, 300), (43, -1, 60), (37, 1, 80), (29, 1, 60)],
         13.9,
         [
-            (pedestrian, 190, LINK),
-            (cyclist, 260, LINK),
+            (crossing_pedestrian, 190, LINK),
+            (crossing_cyclist, 260, LINK),
             (hidden_pedestrian, 420, LINK),
             (lead_brakes, 700, COUNTRY),
-            (pedestrian, 950, COUNTRY),
+            (crossing_pedestrian, 950, COUNTRY),
             (slow_cyclist, 1130, COUNTRY),
             (hidden_pedestrian, 1450, LINK),
             (cyclist_after_turn, 1638, LINK),
-            (pedestrian, 1760, LINK),
+            (crossing_pedestrian, 1760, LINK),
             (cyclist_after_turn, 1952, STREET),
         ],
     ),
@@ -277,14 +278,14 @@ ROUTES = [
         13.9,
         [
             (red_light_runner, 158, STREET),
-            (pedestrian, 240, STREET),
+            (crossing_pedestrian, 240, STREET),
             (hidden_pedestrian, 400, STREET),
             (lead_brakes, 450, STREET),
             (crossing_at_right_turn, 809.2, (1, -1, 307.26), (14, -1)),
             (cyclist_after_turn, 832, ZONE),
             (oncoming_at_left_turn, 951.7, (15, 1, 125), (14, 1)),
             (hidden_pedestrian, 1080, ZONE),
-            (cyclist, 1240, STREET),
+            (crossing_cyclist, 1240, STREET),
             (red_light_runner, 1322, STREET),
         ],
     ),
@@ -292,37 +293,38 @@ ROUTES = [
         [(2, -1, 60), (3, -1, 150), (28, -1, 60), (23, 1, 60), (27, -1, 60), (33, 1, 60), (25, 1, 60), (24, 1, 60)],
         13.9,
         [
-            (pedestrian, 270, STREET),
+            (crossing_pedestrian, 270, STREET),
             (hidden_pedestrian, 350, STREET),
             (slow_cyclist, 400, STREET),
-            (cyclist, 600, STREET),
+            (crossing_cyclist, 600, STREET),
             (hidden_pedestrian, 790, OUTER),
-            (cyclist, 940, PARKING),
+            (crossing_cyclist, 940, PARKING),
             (crossing_without_lights, 1002.1, (33, -1, 178), (34, -1)),
-            (pedestrian, 1120, STREET),
-            (cyclist, 1320, STREET),
+            (crossing_pedestrian, 1120, STREET),
+            (crossing_cyclist, 1320, STREET),
             (cyclist_after_turn, 1429, STREET),
         ],
     ),
     (
-        [(33, -1, 60), (27, 1, 60), (17, 1, 60), (12, 1, 60), (15, -1, 60), (26, -1, 60), (34, -1, 100), (29, 1, 60), (28, 1, 60)],
+        [(33, -1, 60), (27, 1, 60), (17, 1, 60), (12, 1, 60), (15, -1, 60), (26, -1, 60), (34, -1, 100), (29, 1, 60)]
+        + [(28, 1, 60)],
         13.9,
         [
-            (pedestrian, 260, PARKING),
+            (crossing_pedestrian, 260, PARKING),
             (red_light_runner, 350, ZONE),
             (crossing_at_right_turn, 470.5, (13, 1, 178), (12, 1)),
             (hidden_pedestrian, 570, ZONE_PARKING),
             (cyclist_after_turn, 686, ZONE),
             (red_light_runner, 835, STREET),
-            (pedestrian, 1040, STREET),
+            (crossing_pedestrian, 1040, STREET),
             (hidden_pedestrian, 1250, STREET),
             (cyclist_after_turn, 1373, STREET),
-            (cyclist, 1560, STREET),
+            (crossing_cyclist, 1560, STREET),
         ],
     ),
 ]
 
-# Controllers of the lights, with the offset of the green phase of the streets from east to west and from north to south.
+# Controllers of the lights, with the offsets of the streets from east to west and from north to south.
 LIGHTS = [("c0", 0, 25), ("c1", 10, 35), ("c2", 20, 45), ("c3", 30, 5)]
 
 
@@ -330,7 +332,7 @@ def route(number, stops, target_mps, scenarios):
     start, *via, goal = (place(*stop) for stop in stops)
     parts = [
         f'name = "{number:02}"\n'
-        f'description = "A route through the town in traffic, with {len(scenarios)} scenarios of CARLA\'s Leaderboard 1.0."\n',
+        f'description = "A route through the town in traffic, with {len(scenarios)} scenarios."\n',
         '[map]\nfile = "../maps/town.xodr"\n',
     ]
     for junction, *offsets in LIGHTS:

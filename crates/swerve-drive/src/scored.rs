@@ -139,7 +139,8 @@ impl Scored {
 
     /// Scores so far.
     pub(crate) fn scores(&self) -> DrivingScores {
-        let limit = |limit_mps: Option<f64>| limit_mps.map_or(self.target_mps, |mps| mps.min(self.target_mps));
+        let limit =
+            |limit_mps: Option<f64>| limit_mps.map_or(self.target_mps, |mps| mps.min(self.target_mps));
         let stretches = self.route.stretches().iter();
         let limits: Vec<(f64, f64)> =
             stretches.map(|at| (at.begin_m - self.start_m, limit(at.speed_limit_mps))).collect();

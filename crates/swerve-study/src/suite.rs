@@ -214,7 +214,12 @@ const ROUTES: &str = "routes";
 /// Built-in scenarios without the routes, which take minutes each.
 fn built_in_without_routes() -> Vec<PathBuf> {
     let routes = Kind::Scenario.in_folder(Path::new(ROUTES));
-    Kind::Scenario.all().map(|(name, _)| name).filter(|name| !routes.contains(name)).map(PathBuf::from).collect()
+    Kind::Scenario
+        .all()
+        .map(|(name, _)| name)
+        .filter(|name| !routes.contains(name))
+        .map(PathBuf::from)
+        .collect()
 }
 
 /// Scenarios named on the command line, without duplicates, with their labels in tables: the stem of the file, or the

@@ -68,7 +68,9 @@ impl Lanes {
         let is_turned = math::cos(angle_between(pose.heading_rad, heading_rad)) < 0.0;
         AtLane {
             off_m: off_m(lane, &at),
-            is_against: is_turned && !self.is_in_junction(pose.point()) && !self.map().is_in_junction(lane.id),
+            is_against: is_turned
+                && !self.is_in_junction(pose.point())
+                && !self.map().is_in_junction(lane.id),
             heading_rad,
             limit_mps: lane.speed_limit_mps,
         }
@@ -111,12 +113,12 @@ impl Lanes {
 
     /// True if all points are in one of the lanes at the centre, or in lanes before or after it.
     fn is_in_one_lane(&self, center: Point2, corners: &[Point2]) -> bool {
-        let lanes_at = |point: Point2| -> Vec<LaneId> { self.inside(point).map(|(lane, _)| lane.id).collect() };
+        let lanes_at =
+            |point: Point2| -> Vec<LaneId> { self.inside(point).map(|(lane, _)| lane.id).collect() };
         let corners: Vec<Vec<LaneId>> = corners.iter().map(|corner| lanes_at(*corner)).collect();
         self.inside(center).any(|(lane, _)| {
             let before = self.map().predecessors(lane.id);
-            let is_of =
-                |id: &LaneId| *id == lane.id || lane.successors.contains(id) || before.contains(id);
+            let is_of = |id: &LaneId| *id == lane.id || lane.successors.contains(id) || before.contains(id);
             corners.iter().all(|lanes| lanes.iter().any(is_of))
         })
     }
@@ -130,7 +132,6 @@ fn heading(lane: &Lane, at: &LanePlace) -> f64 {
 fn off_m(lane: &Lane, at: &LanePlace) -> f64 {
     let swerve_geom::FrenetPoint { s_m, d_m } = at.place;
     let along_m = s_m.clamp(0.0, lane.line.length());
-    let border_m =
-        if d_m > 0.0 { lane.borders.left_m(along_m) } else { lane.borders.right_m(along_m) };
+    let border_m = if d_m > 0.0 { lane.borders.left_m(along_m) } else { lane.borders.right_m(along_m) };
     math::hypot((d_m.abs() - border_m).max(0.0), s_m - along_m)
 }

@@ -112,12 +112,9 @@ fn light_lines(map: &Map, lane: &Lane, lights: &[TrafficLight], route: &Route) -
         let line = lane.line.at(s_m).pose;
         match found.iter_mut().find(|one| one.line == line) {
             Some(one) => one.lights.push(k),
-            None => found.push(LightLine {
-                lane: lane.id,
-                line,
-                width_m: lane.width_m(s_m),
-                lights: vec![k],
-            }),
+            None => {
+                found.push(LightLine { lane: lane.id, line, width_m: lane.width_m(s_m), lights: vec![k] })
+            }
         }
     }
     found

@@ -1,7 +1,7 @@
 use swerve_geom::{FrenetPoint, Map, Point2, Transform, Vector};
-use swerve_msg::EgoState;
-use swerve_msg::Extent;
 use swerve_msg::truth::{Collision, EgoTruth};
+use swerve_msg::{EgoState, Extent};
+use swerve_scenario::{Motion, Subject, Trigger};
 
 use super::*;
 
@@ -154,7 +154,8 @@ fn opposite_lane_counts_as_outside_and_the_own_one_does_not() {
     let scenario = scenario(RURAL);
     let length_m = scenario.ego.end_m - scenario.ego.s_m;
     let share = |left_m: f64| {
-        let left_m = move |way_m: f64| if (100.0..100.0 + 0.1 * length_m).contains(&way_m) { left_m } else { 0.0 };
+        let left_m =
+            move |way_m: f64| if (100.0..100.0 + 0.1 * length_m).contains(&way_m) { left_m } else { 0.0 };
         let scores = Posed { left_m: &left_m, ..Posed::along(&scenario, &|at_s| 10.0 * at_s) }.scores();
         ["1.0", "2.1"].map(|version| scores.leaderboard[version].outside_route_lanes_percent)
     };
@@ -182,6 +183,63 @@ fn speed_is_compared_with_that_of_the_vehicles_of_the_traffic() {
     assert!(percent.iter().all(|percent| (percent - 50.0).abs() < 0.2), "{percent:?}");
     assert!(scores.leaderboard["1.0"].min_speed_checkpoints_percent.is_empty());
     assert!(scores.bench2drive.success && scores.bench2drive.driving_score == 100.0);
+}
+
+fn routes() -> impl Iterator<Item = (String, Scenario)> {
+    (1..=10).map(|k| {
+        let file = format!("{MAPS}/../routes/{k:02}.toml");
+        (format!("{k:02}"), Scenario::read(std::path::Path::new(&file)).unwrap())
+    })
+}
+
+/// The sign is on the way south, at the end of market lane.
+#[test]
+fn stop_sign_of_the_route_counts_without_a_stop() {
+    let (_, mut scenario) = routes().next().unwrap();
+    // Only the way to the sign's street, without those whom the posed ego would meet.
+    (scenario.ego.end_m, scenario.traffic) = (1000.0, None);
+    scenario.actors.clear();
+    let sign = scenario.road.map().features().stop_lines.iter().find_map(|line| {
+        let route = scenario.road.route();
+        let stretch = route.stretches().iter().find(|stretch| stretch.lane == line.lane)?;
+        (line.sign == Some(swerve_map::StopSign::Stop)).then_some(stretch.begin_m + line.s_m)
+    });
+    // The front stands 1 m before the line for a second, or drives on.
+    let stop_m = sign.unwrap() - scenario.ego.s_m - 1.0 - 2.465;
+    let stopping =
+        |at_s: f64| if at_s < stop_m / 10.0 { 10.0 * at_s } else { stop_m.max(10.0 * (at_s - 1.0)) };
+    for (way_m, wanted) in [(&(|at_s| 10.0 * at_s) as &dyn Fn(f64) -> f64, 1), (&stopping, 0)] {
+        let scores = Posed { duration_s: 110.0, ..Posed::along(&scenario, way_m) }.scores();
+        assert_eq!(counts(&scores).map(|counts| counts.stop_infraction), [wanted, wanted]);
+        assert_eq!(scores.leaderboard["2.1"].route_completion, 100.0);
+    }
+}
+
+/// When an actor reaches the ego's lane, an ego at the speed limit can stop after 1 s with 4 m/s².
+#[test]
+fn routes_have_fair_scenarios_that_the_ego_triggers() {
+    for (name, scenario) in routes() {
+        let triggered: Vec<_> = scenario.actors.iter().filter(|actor| actor.trigger.is_some()).collect();
+        assert!(triggered.len() >= 8, "route {name}: {} scenarios", triggered.len());
+        assert!(scenario.expectation("fot").is_some_and(|expected| !expected.bounds.is_empty()), "{name}");
+        for actor in triggered {
+            let Some(Trigger::Reaches { who: Subject::Ego, s_m }) = actor.trigger else {
+                panic!("{name}: {}: not triggered by the ego", actor.name);
+            };
+            assert!(s_m > scenario.ego.s_m, "{name}: {}: begins before the ego does", actor.name);
+            let (speed_mps, way_m) = match &actor.motion[0] {
+                Motion::Walk { speed_mps, .. } => (*speed_mps, actor.d_m.abs() - 1.75),
+                Motion::Drive { speeds, .. } => (speeds[0].speed_mps, actor.d_m.abs() - 1.75 - 0.9),
+                _ => continue,
+            };
+            let is_after_turn = actor.name.starts_with("cyclist_after_turn");
+            let limit_mps = scenario.road.route().stretch_at(actor.s_m).unwrap().speed_limit_mps.unwrap();
+            let limit_mps = if is_after_turn { 20.0 / 3.6 } else { limit_mps };
+            let stop_m = limit_mps * (way_m / speed_mps + 1.0) + limit_mps * limit_mps / 8.0;
+            let front_m = actor.s_m - s_m - 2.465;
+            assert!(front_m >= stop_m, "{name}: {}: {front_m} m, a stop needs {stop_m} m", actor.name);
+        }
+    }
 }
 
 #[test]

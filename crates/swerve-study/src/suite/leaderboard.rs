@@ -134,7 +134,8 @@ impl Scores {
     fn text(&self, version: Version) -> String {
         let head = ["route", "seed", "completion", "penalty", "score", "comfort", "infractions"];
         let rows = self.routes.iter().map(|route| {
-            let comfort = route.comfort_share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
+            let comfort =
+                route.comfort_share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
             vec![
                 route.route.clone(),
                 route.seed.to_string(),
@@ -145,7 +146,8 @@ impl Scores {
                 words(&route.infractions),
             ]
         });
-        let mut text = align(&std::iter::once(head.map(str::to_owned).to_vec()).chain(rows).collect::<Vec<_>>());
+        let mut text =
+            align(&std::iter::once(head.map(str::to_owned).to_vec()).chain(rows).collect::<Vec<_>>());
         let sd = self.score_sd.map_or_else(String::new, |sd| format!(", standard deviation {sd:.1}"));
         let (name, mean, n) = (version.name(), self.score_mean, self.routes.len());
         let _written = writeln!(text, "driving score by Leaderboard {name}: {mean:.2}{sd}, {n} drives");
@@ -179,4 +181,85 @@ fn words(infractions: &Map<String, Value>) -> String {
     };
     let words: Vec<String> = infractions.iter().filter_map(word).collect();
     if words.is_empty() { "-".to_owned() } else { words.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::Bench;
+    use crate::cells::{CellStore, Runner};
+    use crate::grid::Cell;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        suite: SuiteArgs,
+    }
+
+    const ROUTE: &str = r#"
+        name = "short"
+        [map]
+        file = "crossing.xodr"
+        [ego]
+        start = { road = "4", lane = -1, s_m = 50.0 }
+        goal = { road = "2", lane = 1, s_m = 30.0 }
+        [[actor]]
+        name = "person"
+        kind = "pedestrian"
+        s_m = 90.0
+        d_m = 0.0
+    "#;
+
+    /// Scores of two seeds, driven by a car that sees nobody.
+    fn suite(route: &Path, threads: usize, out: &Path) -> Value {
+        let file = route.display().to_string();
+        let words = ["suite", &file, "--rules", "leaderboard", "--seeds", "2", "--set", "sensing.range_m=1"];
+        let args = Line::try_parse_from(words).unwrap().suite;
+        let version = args.version.version();
+        let steps = vec![step("short".into(), route.into(), version).unwrap()];
+        let seeds = args.seeds.as_ref().unwrap().counted().unwrap();
+        let study = crate::suite::study(&args, steps, &seeds).unwrap();
+        let bench = Bench::of(&Registry::default(), study).unwrap();
+        let (store, stop) = (CellStore::open(out).unwrap(), AtomicBool::new(false));
+        let runner = Runner { store: &store, threads, shard: None, reports: false, stop: &stop };
+        let run = |cell: &Cell, _| bench.run_cell(cell, None);
+        let results = runner.run(&bench.study, |cell| bench.fingerprint(cell), run).unwrap();
+        serde_json::to_value(Scores::of(&bench.study, &results, version).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn drives_go_on_after_a_collision_and_are_the_same_with_any_number_of_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let map = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/crossing.xodr");
+        std::fs::copy(map, folder.path().join("crossing.xodr")).unwrap();
+        let route = folder.path().join("short.toml");
+        std::fs::write(&route, ROUTE).unwrap();
+        let [one, two] =
+            [1, 2].map(|threads| suite(&route, threads, &folder.path().join(threads.to_string())));
+        assert_eq!(one, two);
+        // In the order of the alphabet.
+        let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+        assert_eq!(keys(&one), ["routes", "score_mean", "score_sd"]);
+        let wanted =
+            ["comfort_share", "infractions", "penalty", "route", "route_completion", "score", "seed"];
+        for (seed, route) in one["routes"].as_array().unwrap().iter().enumerate() {
+            assert_eq!(keys(route), wanted);
+            assert_eq!(route["seed"].as_u64(), Some(seed as u64));
+            assert_eq!(route["infractions"]["collisions_pedestrian"].as_i64(), Some(1), "{route}");
+            assert_eq!(
+                (route["route_completion"].as_f64(), route["score"].as_f64()),
+                (Some(100.0), Some(50.0))
+            );
+        }
+    }
+
+    #[test]
+    fn road_is_not_a_route() {
+        let error = step("lane".into(), "lane".into(), Version::V2_1).unwrap_err().to_string();
+        assert!(error.contains("expected a route over a map"), "{error}");
+    }
 }
