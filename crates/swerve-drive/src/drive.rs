@@ -112,12 +112,12 @@ pub fn drive_recorded(
     let (ego, first) = measured.next().context("a run has an ego")?;
     let other = |(ego, measured): (String, Measured)| OtherOutcome {
         ego,
-        metrics: measured.evaluation.metrics(),
+        metrics: measured.metrics(),
         road_margin_m: measured.road_margin_m,
     };
     Ok(Outcome {
         ego,
-        metrics: first.evaluation.metrics(),
+        metrics: first.metrics(),
         digest: report.digest,
         road_margin_m: first.road_margin_m,
         report,

@@ -10,6 +10,7 @@ mod load;
 mod measured;
 mod recording;
 mod rungs;
+mod scored;
 mod story;
 
 pub mod frames;

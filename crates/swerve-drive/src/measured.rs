@@ -1,7 +1,7 @@
 //! Metrics of a run, from the engine's events.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{Evaluation, Norm, Outline};
+use swerve_eval::{Evaluation, Metrics, Norm, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{LineTracker, Point2, Pose2};
 use swerve_msg::truth::WorldState;
@@ -12,6 +12,7 @@ use swerve_vehicle::Shape;
 
 use crate::lights::light_courses;
 use crate::rungs::Rungs;
+use crate::scored::Scored;
 
 /// Operators whose messages are measured. A fault injector's copy of a message is not counted again.
 struct Publishers {
@@ -45,7 +46,9 @@ const CORNER_REACH_M: f64 = 15.0;
 
 /// Feeds the evaluation with the engine's events.
 pub(crate) struct Measured {
-    pub(crate) evaluation: Evaluation,
+    evaluation: Evaluation,
+    /// Driving scores; `None` without a map.
+    scored: Option<Scored>,
     operators: Vec<String>,
     publishers: Publishers,
     /// The road and the end of the run, for the lights along other routes.
@@ -91,6 +94,7 @@ impl Measured {
         };
         Ok(Self {
             evaluation: Evaluation::new(params),
+            scored: Scored::new(scenario, route, shape),
             operators,
             publishers: Publishers::new(stack),
             road: scenario.road.clone(),
@@ -101,6 +105,11 @@ impl Measured {
             road_margin_m: f64::INFINITY,
             rungs: Rungs::default(),
         })
+    }
+
+    /// Metrics so far, with the driving scores.
+    pub(crate) fn metrics(&self) -> Metrics {
+        Metrics { scores: self.scored.as_ref().map(Scored::scores), ..self.evaluation.metrics() }
     }
 
     /// Takes a route of the router, if it is another one.
@@ -139,6 +148,7 @@ impl Observer for Measured {
                 }
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
                     evaluation.world(world);
+                    self.scored.iter_mut().for_each(|scored| scored.take(world));
                     let margin_m = self.margin_m(world.ego.state.pose);
                     self.road_margin_m = self.road_margin_m.min(margin_m);
                 } else if let (Some(imu), true) = (payload.downcast_ref::<Imu>(), is_of(&self.publishers.imu))

@@ -98,6 +98,16 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/maps/town.toml"
     "scenarios/maps/traffic.toml"
     "scenarios/maps/two_egos.toml"
+    "scenarios/routes/01.toml"
+    "scenarios/routes/02.toml"
+    "scenarios/routes/03.toml"
+    "scenarios/routes/04.toml"
+    "scenarios/routes/05.toml"
+    "scenarios/routes/06.toml"
+    "scenarios/routes/07.toml"
+    "scenarios/routes/08.toml"
+    "scenarios/routes/09.toml"
+    "scenarios/routes/10.toml"
     "scenarios/maps/crossing.xodr"
     "scenarios/maps/crossing_priority.xodr"
     "scenarios/maps/crossing_right_first.xodr"
@@ -174,17 +184,22 @@ impl Shipped {
     /// # Errors
     /// All problems of the file.
     pub fn scenario(&self) -> anyhow::Result<Scenario> {
-        let map = Document::parse(self.path, self.text).ok().and_then(|document| built_in_map(&document));
+        let document = Document::parse(self.path, self.text).ok();
+        let map = document.and_then(|document| built_in_map(Path::new(self.path), &document));
         let scenario = Scenario::parse_on(self.path, self.text, map.as_ref(), &[]);
         scenario.map_err(|problems| problems_error(&problems))
     }
 }
 
-/// Text of the built-in map that a scenario names.
-fn built_in_map(scenario: &Document) -> Option<Arc<str>> {
+/// Text of the built-in map that a scenario names, from its own folder or from that of the maps.
+fn built_in_map(place: &Path, scenario: &Document) -> Option<Arc<str>> {
     let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
-    let path = format!("{MAPS}/{}", plain(name)?);
-    FILES.iter().find(|file| file.path == path).map(|file| file.text.into())
+    let folders = [place.parent().unwrap_or(Path::new("")), Path::new(MAPS)];
+    let text = |folder: &Path| {
+        let path = plain(&folder.join(name))?;
+        FILES.iter().find(|file| file.path == path).map(|file| file.text.into())
+    };
+    folders.into_iter().find_map(text)
 }
 
 /// Folder of the maps of the scenarios.
@@ -357,7 +372,7 @@ impl Kind {
         if given.parent().unwrap_or(Path::new("")).join(name).exists() {
             return None;
         }
-        built_in_map(scenario)
+        built_in_map(Self::Scenario.place(given), scenario)
     }
 
     /// Merges several configuration files, or built-in ones of these names, to one document; later files override

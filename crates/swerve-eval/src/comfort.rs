@@ -80,6 +80,29 @@ impl Comfort {
 
     /// Metrics; `None` for fewer than four states, too few to fit a polynomial.
     pub(crate) fn metrics(&self) -> Option<ComfortMetrics> {
+        let smoothed = self.smoothed()?;
+        let Smoothed { along, across, along_jerk, jerk, yaw_rate, yaw_accel } = &smoothed;
+        let within = (0..along.len()).filter(|i| smoothed.is_comfortable(*i)).count();
+        let largest = |series: &[f64]| series.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        Some(ComfortMetrics {
+            share_within: within as f64 / along.len() as f64,
+            lon_accel_min: along.iter().copied().fold(f64::INFINITY, f64::min),
+            lon_accel_max: along.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            lat_accel_max: largest(across),
+            lon_jerk_max: largest(along_jerk),
+            jerk_max: largest(jerk),
+            yaw_rate_max: largest(yaw_rate),
+            yaw_accel_max: largest(yaw_accel),
+        })
+    }
+
+    /// For each sample, true if all quantities are within nuPlan's limits; `None` as for [`metrics`](Self::metrics).
+    pub(crate) fn within(&self) -> Option<Vec<bool>> {
+        let smoothed = self.smoothed()?;
+        Some((0..smoothed.along.len()).map(|i| smoothed.is_comfortable(i)).collect())
+    }
+
+    fn smoothed(&self) -> Option<Smoothed> {
         if self.along.len() < 4 {
             return None;
         }
@@ -88,35 +111,39 @@ impl Comfort {
         let accel = Filter { window: 8, order: 2, derivative: 0 };
         let jerk = Filter { window: 15, order: 2, derivative: 1 };
         let along = accel.of(&self.along);
-        let across = accel.of(&self.across);
-        let along_jerk = jerk.of(&along);
-        let jerk = jerk.of(&accel.of(&magnitude));
-        let yaw_rate = Filter { window: 5, order: 2, derivative: 1 }.of(&self.heading);
-        let yaw_accel = Filter { window: 5, order: 3, derivative: 2 }.of(&self.heading);
-        let inside = |x: f64, limit: f64| x.abs() < limit;
-        let is_comfortable = |i: &usize| {
-            let i = *i;
-            let [low, high] = limits::LON_ACCEL;
-            low < along[i]
-                && along[i] < high
-                && inside(across[i], limits::LAT_ACCEL)
-                && inside(along_jerk[i], limits::LON_JERK)
-                && inside(jerk[i], limits::JERK)
-                && inside(yaw_rate[i], limits::YAW_RATE)
-                && inside(yaw_accel[i], limits::YAW_ACCEL)
-        };
-        let within = (0..along.len()).filter(is_comfortable).count();
-        let largest = |series: &[f64]| series.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        Some(ComfortMetrics {
-            share_within: within as f64 / along.len() as f64,
-            lon_accel_min: along.iter().copied().fold(f64::INFINITY, f64::min),
-            lon_accel_max: along.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            lat_accel_max: largest(&across),
-            lon_jerk_max: largest(&along_jerk),
-            jerk_max: largest(&jerk),
-            yaw_rate_max: largest(&yaw_rate),
-            yaw_accel_max: largest(&yaw_accel),
+        Some(Smoothed {
+            across: accel.of(&self.across),
+            along_jerk: jerk.of(&along),
+            jerk: jerk.of(&accel.of(&magnitude)),
+            yaw_rate: Filter { window: 5, order: 2, derivative: 1 }.of(&self.heading),
+            yaw_accel: Filter { window: 5, order: 3, derivative: 2 }.of(&self.heading),
+            along,
         })
+    }
+}
+
+/// Smoothed series, with one value per sample.
+struct Smoothed {
+    along: Vec<f64>,
+    across: Vec<f64>,
+    along_jerk: Vec<f64>,
+    jerk: Vec<f64>,
+    yaw_rate: Vec<f64>,
+    yaw_accel: Vec<f64>,
+}
+
+impl Smoothed {
+    /// Returns true if all quantities of a sample are within nuPlan's limits.
+    fn is_comfortable(&self, i: usize) -> bool {
+        let inside = |x: f64, limit: f64| x.abs() < limit;
+        let [low, high] = limits::LON_ACCEL;
+        low < self.along[i]
+            && self.along[i] < high
+            && inside(self.across[i], limits::LAT_ACCEL)
+            && inside(self.along_jerk[i], limits::LON_JERK)
+            && inside(self.jerk[i], limits::JERK)
+            && inside(self.yaw_rate[i], limits::YAW_RATE)
+            && inside(self.yaw_accel[i], limits::YAW_ACCEL)
     }
 }
 

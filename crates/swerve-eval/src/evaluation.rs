@@ -11,6 +11,7 @@ use swerve_msg::{
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
 use crate::others::{Others, OthersImpact};
+use crate::score::DrivingScores;
 use crate::traffic::{Norm, Traffic, TrafficMetrics};
 use crate::verdict::STANDS_MPS;
 use crate::{
@@ -104,6 +105,9 @@ pub struct Metrics {
     pub pose_gaps: Vec<PoseGap>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
+    /// Driving scores; absent for drives without a goal on a map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scores: Option<DrivingScores>,
 }
 
 /// Maximum time from a gap between poses to leaving the road because of it, seconds: the time that plans take to lead
@@ -405,6 +409,7 @@ impl Evaluation {
             pose_gaps: self.localization.gaps(),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
+            scores: None,
         }
     }
 

@@ -3,14 +3,16 @@
 //! ([`surrogate`]).
 //!
 //! All are pure functions of a record of the drive. [`RouteJudge`] makes the Leaderboard's record from the facts of
-//! each step. The page `docs/scores.md` has the formulas, their sources, and the differences that remain.
+//! each step, [`DriveJudge`] all scores of a drive. The page `docs/scores.md` has the formulas, their sources, and the differences that remain.
 
 pub mod bench2drive;
+mod drive;
 mod judge;
 pub mod leaderboard;
 pub mod nuplan;
 pub mod surrogate;
 
+pub use drive::{DriveFacts, DriveJudge, DrivingScores, LeaderboardScore, RouteBench2Drive};
 pub use judge::{
     Ego, EmergencyVehicle, Ending, JudgedRoute, RedLight, RouteJudge, RoutePlace, StepFacts, StopSign, Touch,
 };

@@ -26,6 +26,7 @@ use localization::LocalizationArgs;
 use prediction::PredictionArgs;
 use registration::RegistrationArgs;
 use score::ScoreArgs;
+pub use score::VersionName;
 use timely::TimelyArgs;
 
 /// `swerve eval`.

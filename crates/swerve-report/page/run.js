@@ -42,6 +42,7 @@ function heading(page) {
       metrics.verdict ? el("div", { class: "fact" }, badge(metrics.verdict), el("span", { style: "display:block" }, metrics.as_expected == null ? "verdict" : metrics.as_expected ? "as the scenario expects" : "not as the scenario expects")) : null,
       impact ? fact(`${fixed(impact.ego_speed_mps, 1)} m/s`, `at the impact${metrics.impact_name ? ` with ${metrics.impact_name}` : ""}, ${fixed(impact.at_s)} s`) : null,
       impact || metrics.min_distance_m == null ? null : fact(`${fixed(metrics.min_distance_m)} m`, `closest${metrics.min_distance_name ? `, to ${metrics.min_distance_name}` : ""}, at ${fixed(metrics.min_distance_at_s)} s`),
+      metrics.scores ? fact(fixed(metrics.scores.driving_score, 1), "driving score, Leaderboard 2.1") : null,
       metrics.response ? fact(`${fixed(metrics.response.p50_ms, 0)} ms`, `response time, p99 ${fixed(metrics.response.p99_ms, 0)} ms`) : null,
       page.kind === "live" ? null : drive.duration_s == null ? fact(seconds(page.end, 2), "duration") : fact(`${fixed(drive.duration_s)} s`, "duration")));
 }

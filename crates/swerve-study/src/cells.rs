@@ -39,6 +39,7 @@ impl CellResult {
             misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
             figures: table::figures(metrics),
             texts,
+            scores: metrics.scores.clone(),
             ..Self::blank(cell, metrics.verdict.name())
         }
     }

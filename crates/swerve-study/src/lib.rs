@@ -141,7 +141,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
                 return Job { file, sets, code, out, overwrite, shards, threads }.submit(cluster);
             }
             let (threads, shard, reports) = (args.threads, args.shard, args.reports);
-            let how = How { out, threads, shard, reports, pictures: args.pictures };
+            let how = How { out, threads, shard, reports, pictures: args.pictures, is_quiet: false };
             let driven = bench.drive_cells(&how)?;
             finish(&bench.study, &driven, shard)
         }
@@ -156,6 +156,8 @@ struct How<'a> {
     shard: Option<Shard>,
     reports: bool,
     pictures: PictureArgs,
+    /// True if nothing is printed about the results.
+    is_quiet: bool,
 }
 
 /// Returns an error if a cell failed or was not reached.
@@ -324,7 +326,10 @@ impl Bench {
             self.run_cell(cell, page.as_deref())
         };
         let results = runner.run(&self.study, |cell| self.fingerprint(cell), run)?;
-        report(self, &results, how.out, how.pictures)?;
+        let text = report(self, &results, how.out, how.pictures)?;
+        if !how.is_quiet {
+            swerve_report::output::print(&text)?;
+        }
         Ok((results, stop.load(Ordering::SeqCst)))
     }
 
@@ -412,12 +417,13 @@ fn is_limit(cell: &Cell) -> bool {
     cell.labels.iter().any(|label| label == grid::LIMIT)
 }
 
+/// Writes all results of a study; returns the text for the terminal.
 fn report(
     bench: &Bench,
     results: &[Option<CellResult>],
     out: &Path,
     pictures: PictureArgs,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<String> {
     let study = &bench.study;
     if let Some(timely) = &study.timely {
         let chart = timely::chart::Chart::of(study, timely, results);
@@ -428,7 +434,7 @@ fn report(
         let at = out.display();
         let text =
             format!("{}{done} of {all} cells in {at}: report.html, timely.csv, {drawn}\n", chart.text());
-        return swerve_report::output::print(&text);
+        return Ok(text);
     }
     let grid = table::Grid::of(study, results);
     let title = if study.description.is_empty() { &study.name } else { &study.description };
@@ -473,7 +479,7 @@ fn report(
         write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
         ranked += &(ranking::text(ranking, &settings) + "\n");
     }
-    swerve_report::output::print(&format!(
+    Ok(format!(
         "{}\n{foreseen}{ranked}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
         grid.text(),
         study.cells.len(),

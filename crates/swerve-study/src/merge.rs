@@ -62,7 +62,7 @@ pub(crate) fn merge(
         }
         results.push(result);
     }
-    report(&bench, &results, &out, pictures)?;
+    swerve_report::output::print(&report(&bench, &results, &out, pictures)?)?;
     let missing = results.iter().filter(|r| r.is_none()).count();
     anyhow::ensure!(
         missing == 0,

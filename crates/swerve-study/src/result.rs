@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Digest;
+use swerve_eval::score::DrivingScores;
 
 use crate::grid::Cell;
 
@@ -59,6 +60,9 @@ pub struct CellResult {
     /// Readings of a timely study.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub timely: Vec<Reading>,
+    /// Driving scores of a drive with a goal on a map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scores: Option<DrivingScores>,
     /// Error message, if the run itself failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
@@ -94,6 +98,7 @@ impl CellResult {
             budget_ms: None,
             curve: Vec::new(),
             timely: Vec::new(),
+            scores: None,
             error: None,
         }
     }

@@ -3,15 +3,19 @@
 //! A suite is a study with the axes scenario and seed: its cells are stored and its table and page are made by the same
 //! code.
 
+mod leaderboard;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use anyhow::Context as _;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::problems_error;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
+use swerve_measure::evaluate::VersionName;
 use swerve_report::files::toml_files;
 use swerve_report::output::print;
 use swerve_stack::Registry;
@@ -21,13 +25,13 @@ use crate::chance::interval;
 use crate::folder::OutArgs;
 use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
 use crate::result::CellResult;
-use crate::{Bench, How, finish};
+use crate::{Bench, Driven, How, finish};
 
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
 pub struct SuiteArgs {
     /// Scenario files (TOML), folders of them, or names of built-in ones, such as lane or the folder everyday [default:
-    /// all built-in ones]
+    /// all built-in ones without routes; with --rules leaderboard those in routes]
     #[arg(value_name = "SCENARIO|DIR")]
     scenarios: Vec<PathBuf>,
     /// Configuration file (TOML), or the name of a built-in one, such as paper; several: the later over the earlier
@@ -38,9 +42,19 @@ pub struct SuiteArgs {
     set: Vec<String>,
     #[command(flatten)]
     code: CodeArgs,
-    /// Seeds for every scenario: 1..20 including both ends, or 1,5,7
-    #[arg(long, default_value = "1..3")]
-    seeds: Seeds,
+    /// Rules of a benchmark, by which the drives are scored, in place of the scenarios' expectations
+    #[arg(long, value_enum, conflicts_with = "strict")]
+    rules: Option<Rules>,
+    /// Version of the Leaderboard whose score is printed
+    #[arg(long, value_enum, requires = "rules", default_value = "2.1")]
+    version: VersionName,
+    /// Print one JSON object and nothing else
+    #[arg(long, requires = "rules")]
+    json: bool,
+    /// Seeds for every scenario: 1..20 including both ends, or 1,5,7 [default: 1..3]; with --rules also their number:
+    /// 5 is 0..4 [default: 0]
+    #[arg(long)]
+    seeds: Option<Seeds>,
     #[command(flatten)]
     out: OutArgs,
     #[command(flatten)]
@@ -56,16 +70,28 @@ pub struct SuiteArgs {
     strict: bool,
 }
 
-/// Seeds from the command line, sorted and without duplicates.
+/// Rules of benchmarks.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Rules {
+    /// CARLA Leaderboard: routes in traffic; a drive goes on after a collision and ends when it is blocked for 180 s
+    Leaderboard,
+}
+
+/// Seeds from the command line.
 #[derive(Clone, Debug, PartialEq)]
-struct Seeds(BTreeSet<i64>);
+struct Seeds {
+    /// Sorted and without duplicates.
+    each: BTreeSet<i64>,
+    /// The number, if the text is a single one.
+    only: Option<i64>,
+}
 
 impl FromStr for Seeds {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let expected = || format!("expected seeds such as 1..20 or 1,5,7, found `{text}`");
-        let mut seeds = BTreeSet::new();
+        let mut each = BTreeSet::new();
         for part in text.split(',') {
             let (from, to) = part.split_once("..").unwrap_or((part, part));
             let [from, to] = [from, to].map(|seed| seed.trim().parse::<u32>().ok());
@@ -76,9 +102,19 @@ impl FromStr for Seeds {
             if (to - from) as usize >= CELLS_MAX {
                 return Err(format!("expected at most {CELLS_MAX} seeds"));
             }
-            seeds.extend((from..=to).map(i64::from));
+            each.extend((from..=to).map(i64::from));
         }
-        Ok(Self(seeds))
+        Ok(Self { each, only: text.trim().parse::<u32>().ok().map(i64::from) })
+    }
+}
+
+impl Seeds {
+    /// Seeds of drives by the rules of a benchmark, where a single number is the number of seeds.
+    fn counted(&self) -> anyhow::Result<BTreeSet<i64>> {
+        let Some(count) = self.only else { return Ok(self.each.clone()) };
+        let range = 1..=CELLS_MAX as i64;
+        anyhow::ensure!(range.contains(&count), "--seeds: expected 1 to {CELLS_MAX} seeds, found {count}");
+        Ok((0..count).collect())
     }
 }
 
@@ -88,15 +124,25 @@ impl FromStr for Seeds {
 /// If a scenario or the configuration is wrong, results cannot be written, or a drive failed; with `--strict`, also if
 /// a drive does not meet its scenario's expectations.
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
-    let bench = Bench::of(registry, study(args)?)?.with_code(args.code);
-    bench.refuse_programs()?;
-    let (threads, reports) = (args.threads, args.reports);
-    let out = &args.out.folder(&bench.study)?;
-    let how = How { out, threads, shard: None, reports, pictures: args.pictures };
-    let driven = bench.drive_cells(&how)?;
+    match args.rules {
+        Some(Rules::Leaderboard) => leaderboard::run(args, registry),
+        None => run_expected(args, registry),
+    }
+}
+
+/// Drives scenarios and compares the drives with their expectations.
+fn run_expected(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
+    let given = match args.scenarios.is_empty() {
+        true => built_in_without_routes(),
+        false => args.scenarios.clone(),
+    };
+    let seeds = args.seeds.as_ref().map_or_else(|| (1..=3).collect(), |seeds| seeds.each.clone());
+    let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
+    let steps = named_scenarios(&given)?.into_iter().map(of_scenario).collect();
+    let (study, driven) = drive(args, registry, steps, &seeds)?;
     let count = Count::of(&driven.0);
-    print(&text(&bench.study, &driven.0))?;
-    finish(&bench.study, &driven, None)?;
+    print(&text(&study, &driven.0))?;
+    finish(&study, &driven, None)?;
     anyhow::ensure!(
         !args.strict || count.broken == 0,
         "{} of {} drives not as their scenarios expect (--strict)",
@@ -106,23 +152,38 @@ pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Drives the scenarios of these steps with these seeds; returns the study with its results.
+fn drive(
+    args: &SuiteArgs,
+    registry: &Registry,
+    scenarios: Vec<Step>,
+    seeds: &BTreeSet<i64>,
+) -> anyhow::Result<(Study, Driven)> {
+    let bench = Bench::of(registry, study(args, scenarios, seeds)?)?.with_code(args.code);
+    bench.refuse_programs()?;
+    let (threads, reports) = (args.threads, args.reports);
+    let out = &args.out.folder(&bench.study)?;
+    let is_quiet = args.json;
+    let how = How { out, threads, shard: None, reports, pictures: args.pictures, is_quiet };
+    let driven = bench.drive_cells(&how)?;
+    Ok((bench.study, driven))
+}
+
 /// Study of a suite.
-fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
-    let scenarios = named_scenarios(&args.scenarios)?;
+fn study(args: &SuiteArgs, scenarios: Vec<Step>, seeds: &BTreeSet<i64>) -> anyhow::Result<Study> {
     anyhow::ensure!(
-        scenarios.len().saturating_mul(args.seeds.0.len()) <= CELLS_MAX,
+        scenarios.len().saturating_mul(seeds.len()) <= CELLS_MAX,
         "more than {CELLS_MAX} drives: expected fewer --seeds"
     );
     let sets = swerve_text::parse_assignments(&args.set);
     let (base, seed) = (sets?, "seed".to_owned());
     let of_seed =
         |n: &i64| Step { label: n.to_string(), sets: vec![(seed.clone(), (*n).into())], ..Step::default() };
-    let seeds: Vec<Step> = args.seeds.0.iter().map(of_seed).collect();
+    let seeds: Vec<Step> = seeds.iter().map(of_seed).collect();
     if let Some(problem) = overridden(&base, &seeds, &seed) {
         return Err(problems_error(&[Problem { message: "expected in --seeds".into(), ..problem }]));
     }
-    let first = scenarios[0].1.clone();
-    let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
+    let first = scenarios.iter().find_map(|step| step.scenario.clone()).context("expected a scenario")?;
     Ok(Study {
         file: "swerve suite".into(),
         doubt: None,
@@ -134,7 +195,7 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
         config: args.config.clone(),
         axes: vec![SCENARIO.into(), seed],
         base,
-        steps: vec![scenarios.into_iter().map(of_scenario).collect(), seeds],
+        steps: vec![scenarios, seeds],
         cells: Vec::new(),
         budget: None,
         timeout_is_good: false,
@@ -145,6 +206,20 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
         timely: None,
         timely_prediction: None,
     })
+}
+
+/// Folder of the built-in routes.
+const ROUTES: &str = "routes";
+
+/// Built-in scenarios without the routes, which take minutes each.
+fn built_in_without_routes() -> Vec<PathBuf> {
+    let routes = Kind::Scenario.in_folder(Path::new(ROUTES));
+    Kind::Scenario
+        .all()
+        .map(|(name, _)| name)
+        .filter(|name| !routes.contains(name))
+        .map(PathBuf::from)
+        .collect()
 }
 
 /// Scenarios named on the command line, without duplicates, with their labels in tables: the stem of the file, or the
@@ -160,9 +235,6 @@ fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> 
                 _ => paths.push(path.clone()),
             },
         }
-    }
-    if given.is_empty() {
-        paths.extend(Kind::Scenario.all().map(|(name, _)| PathBuf::from(name)));
     }
     let mut seen = BTreeSet::new();
     paths.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
@@ -248,7 +320,7 @@ mod tests {
     use super::*;
 
     fn seeds(text: &str) -> Result<Vec<i64>, String> {
-        text.parse().map(|Seeds(seeds)| seeds.into_iter().collect())
+        text.parse().map(|seeds: Seeds| seeds.each.into_iter().collect())
     }
 
     #[test]
@@ -258,6 +330,18 @@ mod tests {
         for wrong in ["", "3..1", "a", "1..", "-1", "1;2", "0..4294967295"] {
             assert!(seeds(wrong).unwrap_err().starts_with("expected "), "{wrong}");
         }
+    }
+
+    #[test]
+    fn single_number_counts_seeds_under_the_rules_of_a_benchmark() {
+        let counted = |text: &str| {
+            let counted = text.parse::<Seeds>().unwrap().counted();
+            counted.map(|seeds| seeds.into_iter().collect::<Vec<_>>()).map_err(|error| error.to_string())
+        };
+        assert_eq!(counted("3"), Ok(vec![0, 1, 2]));
+        assert_eq!(counted("3..3"), Ok(vec![3]));
+        assert_eq!(counted("1,5"), Ok(vec![1, 5]));
+        assert!(counted("0").unwrap_err().contains("expected 1 to"));
     }
 
     #[test]
@@ -284,7 +368,9 @@ mod tests {
             labels(&[a.clone(), b.clone(), a.join("lane.toml")]),
             [path(&a), path(&b), "street".into()]
         );
-        assert_eq!(labels(&[]).len(), Kind::Scenario.all().count());
+        let routes = labels(&[ROUTES.into()]);
+        assert_eq!(routes.len(), 10);
+        assert_eq!(labels(&built_in_without_routes()).len() + 10, Kind::Scenario.all().count());
         let everyday = labels(&["everyday".into()]);
         assert!(everyday.len() >= 24 && everyday.contains(&"start_in_jam".into()), "{everyday:?}");
         assert_eq!(labels(&["scenarios/everyday/".into()]), everyday);

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
+use swerve_eval::score::DrivingScores;
+use swerve_eval::score::leaderboard::Version;
 use swerve_eval::{GateMetrics, Metrics, OperatorMetrics, Why};
 use swerve_flow::{RunReport, TickReport};
 use swerve_ipc::Traffic;
@@ -164,6 +166,7 @@ impl Summary {
             row("minimum distance", format!("{distance:.2} m at {at:.2} s, to {to}"));
         }
         traffic_rows(m, &mut row);
+        m.scores.iter().for_each(|scores| score_row(scores, &mut row));
         let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
         let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
         row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
@@ -264,6 +267,15 @@ fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
         let (made, all) = (counts.comfortable, counts.all());
         row("comfortable layer", format!("{made} of {all} plans ({:.0} %)", 100.0 * share));
     }
+}
+
+/// Row on the driving score, with the route completion and the penalty.
+fn score_row(scores: &DrivingScores, row: &mut impl FnMut(&str, String)) {
+    let Some(newest) = scores.leaderboard.get(Version::V2_1.name()) else { return };
+    let (completion, penalty) = (newest.route_completion, newest.penalty);
+    let nuplan = scores.nuplan.map_or_else(String::new, |nuplan| format!(", nuPlan {:.2}", nuplan.score));
+    let score = format!("{:.1} (completion {completion:.1} %, penalty {penalty:.2})", scores.driving_score);
+    row("driving score", format!("Leaderboard 2.1 {score}{nuplan}"));
 }
 
 /// Rows on the safety gate.

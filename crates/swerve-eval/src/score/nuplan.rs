@@ -10,7 +10,7 @@ mod expert;
 mod tests;
 mod time_to_collision;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use swerve_geom::{Obb, Pose2};
 
 use crate::comfort::{Comfort, ComfortMetrics};
@@ -121,7 +121,7 @@ pub struct Progress {
 }
 
 /// Components of the score, each from 0 to 1, and the score.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ClosedLoopScore {
     /// No collisions at fault (multiplier): 0, 0.5 or 1.
     pub no_collisions: f64,
@@ -176,11 +176,20 @@ pub fn mean(scores: &[ClosedLoopScore]) -> Option<f64> {
 
 /// Smoothed accelerations, jerks and yaw motion; comfortable if all are always within the limits.
 pub fn comfort(steps: &[Step]) -> Option<ComfortMetrics> {
+    comfort_of(steps).metrics()
+}
+
+/// For each step, true if all quantities are within the limits; `None` for fewer than four steps.
+pub(super) fn comfortable(steps: &[Step]) -> Option<Vec<bool>> {
+    comfort_of(steps).within()
+}
+
+fn comfort_of(steps: &[Step]) -> Comfort {
     let mut comfort = Comfort::default();
     for Step { ego, .. } in steps {
         comfort.push(ego.lon_accel_mps2, ego.lat_accel_mps2, ego.rear_axle.heading_rad);
     }
-    comfort.metrics()
+    comfort
 }
 
 /// Zero if a corner was at least 0.3 m outside the drivable area, else one.

@@ -35,8 +35,9 @@ pub(super) struct ScoreArgs {
     json: bool,
 }
 
+/// Version of the Leaderboard on a command line.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum VersionName {
+pub enum VersionName {
     /// Factors are multiplied; no minimum speed
     #[value(name = "1.0")]
     V1_0,
@@ -49,7 +50,8 @@ enum VersionName {
 }
 
 impl VersionName {
-    fn version(self) -> Version {
+    /// The version.
+    pub fn version(self) -> Version {
         match self {
             Self::V1_0 => Version::V1_0,
             Self::V2_0 => Version::V2_0,
