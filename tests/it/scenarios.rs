@@ -73,6 +73,21 @@ fn everyday_scenarios_hold_under_every_planner() {
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
+/// The situations of `scenarios/nhtsa/` need a driver: an ego that stands, or that sees nobody, does not meet the
+/// expectation. In one of them nobody else is there.
+#[test]
+fn nhtsa_scenarios_are_met_neither_by_standing_nor_by_blind_egos() {
+    let nhtsa: Vec<PathBuf> =
+        files().into_iter().filter(|file| file.parent().unwrap().ends_with("nhtsa")).collect();
+    assert!(nhtsa.len() >= 30, "only {} of NHTSA's types found", nhtsa.len());
+    let (standing, blind) = (config(&["ego.speed_mps=0"]), config(&["sensing.range_m=0.1"]));
+    for file in &nhtsa {
+        assert!(!broken(file, &standing).is_empty(), "{} is met by standing", file.display());
+        let is_alone = read_scenario(file).unwrap().actors.is_empty();
+        assert_eq!(broken(file, &blind).is_empty(), is_alone, "{} by a blind ego", file.display());
+    }
+}
+
 #[test]
 fn other_seeds_give_the_same_result() {
     for (name, seeds) in [("person_behind_truck", 2..5), ("person_behind_parked_car", 2..4)] {
