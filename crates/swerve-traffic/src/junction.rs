@@ -152,7 +152,11 @@ impl Junctions<'_> {
                         }
                     }
                     aspect => {
-                        let need_mps2 = v * v / (2.0 * (place_m - car.x_m).max(0.01));
+                        // A red light takes the grant: zones that begin before the line are then waited for, too.
+                        let grant = car.grants.iter().find(|grant| grant.until_m > place_m);
+                        let zones_m = grant.map(|grant| grant.stop_m).filter(|stop_m| *stop_m > car.x_m);
+                        let stop_m = zones_m.map_or(place_m, |stop_m| stop_m.min(place_m));
+                        let need_mps2 = v * v / (2.0 * (stop_m - car.x_m).max(0.01));
                         let can_stop = need_mps2 <= YELLOW_MPS2;
                         if car.stops == line || (car.passes != line && (can_stop || v < 1.0)) {
                             car.stops = line;
