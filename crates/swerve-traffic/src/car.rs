@@ -253,12 +253,16 @@ impl Car {
             }
         }
         zones.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let grants = &self.grants;
+        let grant_at = |place_m: f64| grants.iter().position(|grant| place_m <= grant.until_m);
         for (from_m, to_m, begin_m, zone) in zones {
             if to_m < self.x_m {
                 continue;
             }
             let joins = |block: &&mut Block| {
-                let both_before = block.begin_m <= granted_m && from_m <= granted_m;
+                // Grants are withdrawn one by one.
+                let grant = grant_at(from_m);
+                let both_before = grant.is_some() && grant_at(block.begin_m) == grant;
                 let both_after = block.begin_m > granted_m && from_m - block.end_m < ROOM_M;
                 both_before || both_after
             };

@@ -8,7 +8,7 @@ use crate::net::Net;
 
 /// Largest distance of a lead, metres.
 const LEAD_MAX_M: f64 = 120.0;
-/// Distance ahead at which vehicles are expected in zones, metres.
+/// Distance ahead at which bodies that are not ours are expected in zones, metres.
 const COMING_M: f64 = 110.0;
 /// Half of the width beside the centre line that must be free for a car to pass, metres.
 const CLEAR_M: f64 = 1.15;
@@ -91,10 +91,8 @@ impl Scene {
             if let Some(change) = car.change {
                 self.put(change.from, On { s_m: car.x_m + change.offset_m, ..body });
             }
+            // Its whole way: it may have grants as far ahead.
             for &(lane, begin_m) in &car.way {
-                if begin_m > car.x_m + COMING_M {
-                    break;
-                }
                 if self.is_listed[lane] {
                     self.coming[lane].push(Coming { who, begin_m });
                     self.touched.push(lane);
