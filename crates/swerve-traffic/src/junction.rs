@@ -141,15 +141,19 @@ impl Junctions<'_> {
             for (k, stop) in self.net.lane(lane).stops.iter().enumerate() {
                 let place_m = begin_m + stop.s_m - car.half_m() - LINE_GAP_M;
                 // A front beyond the line has passed it.
-                if stop.signals.is_empty() || place_m + LINE_GAP_M < car.x_m || place_m > car.x_m + 120.0 {
+                let line = Some((lane, k));
+                if place_m + LINE_GAP_M < car.x_m {
+                    car.passes = car.passes.filter(|passes| Some(*passes) != line);
                     continue;
                 }
-                let line = Some((lane, k));
+                if stop.signals.is_empty() || place_m > car.x_m + 120.0 {
+                    continue;
+                }
                 match self.lights.strictest(&stop.signals, self.now) {
                     Aspect::Green | Aspect::Off => {
-                        if car.stops == line {
-                            car.stops = None;
-                        }
+                        // The next change to yellow is decided anew.
+                        car.stops = car.stops.filter(|stops| Some(*stops) != line);
+                        car.passes = car.passes.filter(|passes| Some(*passes) != line);
                     }
                     aspect => {
                         // A red light takes the grant: zones that begin before the line are then waited for, too.
