@@ -3,7 +3,7 @@
 mod ends;
 
 use swerve_geom::{Point2, Polyline, angle_between};
-use swerve_map::conflict::{self, Conflicts};
+use swerve_map::conflict;
 use swerve_map::{Lane, LaneId, LaneKind, Map, Neighbour, Side, SignalId, StopSign};
 
 use crate::setup::DriverParams;
@@ -97,7 +97,7 @@ impl Net {
             .filter(|lane| matches!(lane.kind, LaneKind::Driving | LaneKind::Cycling))
             .collect();
         let index = |id: LaneId| used.binary_search_by_key(&id, |lane| lane.id).ok();
-        let conflicts = Conflicts::new(map);
+        let conflicts = map.conflicts();
         let zone = |zone: &conflict::Zone| {
             let conflict::Zone { at_m, other, other_m, meeting, shift_m, yields } = *zone;
             Some(Zone { at_m, other: index(other)?, other_m, meeting, shift_m, yields })
