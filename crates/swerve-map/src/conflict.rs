@@ -12,6 +12,9 @@
 mod priority;
 mod zones;
 
+use core::fmt;
+use std::sync::OnceLock;
+
 use swerve_geom::Polyline;
 
 use crate::{Lane, LaneId, LaneKind, Map, StopLine};
@@ -50,6 +53,29 @@ pub struct Zone {
 pub struct Conflicts {
     /// Ordered by identity.
     lanes: Vec<(LaneId, Vec<Zone>)>,
+}
+
+/// Zones of a map, found at first use. Maps with equal lanes and features have equal ones.
+#[derive(Clone, Default)]
+pub(crate) struct Found(OnceLock<Conflicts>);
+
+impl PartialEq for Found {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl fmt::Debug for Found {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Found")
+    }
+}
+
+impl Map {
+    /// Conflict zones of its lanes, found at first use and kept.
+    pub fn conflicts(&self) -> &Conflicts {
+        self.conflicts.0.get_or_init(|| Conflicts::new(self))
+    }
 }
 
 impl Conflicts {

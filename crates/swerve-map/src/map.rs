@@ -5,6 +5,7 @@ mod path;
 
 use swerve_geom::{FrenetPoint, Point2, Polyline};
 
+use crate::conflict::Found;
 use crate::features::{FeatureError, Features};
 use crate::{Area, Crossing, Junction, JunctionId, Lane, LaneId, Neighbour, Signal, SignalId, StopLine};
 
@@ -34,6 +35,7 @@ pub struct Map {
     /// Pairs of a lane and the index of a signal that its traffic obeys, sorted.
     signals_of: Vec<(LaneId, usize)>,
     paths: Paths,
+    pub(crate) conflicts: Found,
 }
 
 /// A lane and a position along it.
@@ -174,7 +176,9 @@ impl Map {
         let signals_of = by_lane(features.signals.iter().map(|signal| signal.lanes.iter()));
         let paths = Paths::default();
         let cells = Cells::new(&bounds);
-        let map = Self { lanes, bounds, cells, predecessors, features, junctions_of, signals_of, paths };
+        let conflicts = Found::default();
+        let map =
+            Self { lanes, bounds, cells, predecessors, features, junctions_of, signals_of, paths, conflicts };
         map.lanes.iter().try_for_each(|lane| map.check(lane))?;
         map.features.check(&map.lanes)?;
         Ok(map)

@@ -113,6 +113,27 @@ impl SignalProgram {
         self.phases.iter().fold(0.0, |sum_s, phase| sum_s + phase.duration_s)
     }
 
+    /// Index of the phase at an instant, the time into it, and the time to its end, all in nanoseconds; `None` without
+    /// phases. Each phase includes its first instant and excludes its end.
+    pub fn phase_at(&self, at_ns: i64) -> Option<(usize, i64, i64)> {
+        let ns = |s: f64| (s * 1e9).round() as i64;
+        let cycle: i64 = self.phases.iter().map(|phase| ns(phase.duration_s)).sum();
+        let mut into = (at_ns + ns(self.offset_s)).rem_euclid(cycle.max(1));
+        for (k, phase) in self.phases.iter().enumerate() {
+            let length = ns(phase.duration_s);
+            if into < length {
+                return Some((k, into, length - into));
+            }
+            into -= length;
+        }
+        None
+    }
+
+    /// Aspect at an instant in nanoseconds. A light with phases without durations stays red.
+    pub fn aspect_at(&self, at_ns: i64) -> Aspect {
+        self.phase_at(at_ns).map_or(Aspect::Red, |(k, ..)| self.phases[k].aspect)
+    }
+
     /// Checks the durations and the offset.
     ///
     /// # Errors
@@ -133,6 +154,22 @@ impl SignalProgram {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn programs_repeat_with_their_offset() {
+        let program = SignalProgram::green_yellow_red([10.0, 3.0, 7.0], 5.0);
+        for (at_s, aspect) in [
+            (0, Aspect::Green),
+            (5, Aspect::Yellow),
+            (8, Aspect::Red),
+            (15, Aspect::Green),
+            (35, Aspect::Green),
+        ] {
+            assert_eq!(program.aspect_at(at_s * 1_000_000_000), aspect, "{at_s} s");
+        }
+        assert_eq!(program.phase_at(6_000_000_000), Some((1, 1_000_000_000, 2_000_000_000)));
+        assert_eq!(SignalProgram::default().aspect_at(0), Aspect::Red);
+    }
 
     #[test]
     fn program_refuses_durations_that_are_no_cycle() {

@@ -377,8 +377,9 @@ impl Scenario {
 
     /// Notes on expected verdicts that have been renamed or split since, as far as that is known without a run.
     pub fn old_verdicts(&self) -> Vec<String> {
+        let is_alone = self.actors.is_empty() && self.other_egos.is_empty() && self.traffic.is_none();
         let told = |expect: &Expectation| match expect.verdict {
-            Verdict::Avoided if self.actors.is_empty() => expect.renamed(Verdict::Completed),
+            Verdict::Avoided if is_alone => expect.renamed(Verdict::Completed),
             Verdict::Timeout => Some(
                 "[expect] verdict `timeout`: a run that ends standing safely is called `stopped` now"
                     .to_owned(),

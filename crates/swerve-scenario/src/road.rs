@@ -73,8 +73,7 @@ pub struct TrafficLight {
 impl TrafficLight {
     /// Aspect at `instant`. Each phase includes its first instant and excludes its end, to the nanosecond.
     pub fn aspect(&self, instant: Time) -> Aspect {
-        // A checked light has a cycle; an unchecked one without durations stays red.
-        self.place(instant).map_or(Aspect::Red, |(k, ..)| self.program.phases[k].aspect)
+        self.program.aspect_at(instant.ns())
     }
 
     /// Signal at `instant`: that of its [`aspect`](Self::aspect).
@@ -102,17 +101,8 @@ impl TrafficLight {
 
     /// Index of the phase at `instant`, the time into it, and the time to its end.
     fn place(&self, instant: Time) -> Option<(usize, Span, Span)> {
-        let SignalProgram { phases, offset_s } = &self.program;
-        let cycle: i64 = phases.iter().map(|phase| length(phase).ns()).sum();
-        let mut into = (instant.ns() + Span::from_secs(*offset_s).ns()).rem_euclid(cycle.max(1));
-        for (k, phase) in phases.iter().enumerate() {
-            let length = length(phase).ns();
-            if into < length {
-                return Some((k, Span::from_ns(into), Span::from_ns(length - into)));
-            }
-            into -= length;
-        }
-        None
+        let (k, into, left) = self.program.phase_at(instant.ns())?;
+        Some((k, Span::from_ns(into), Span::from_ns(left)))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use swerve_core::Time;
-use swerve_geom::Obb;
+use swerve_geom::{Obb, Vector2};
 use swerve_map::Aspect;
 use swerve_msg::{ActorId, ActorKind};
 use swerve_scenario::{Actor, Course, Scenario};
@@ -45,6 +45,7 @@ pub(crate) fn of_scenario(scenario: &Scenario, shape: &Shape) -> Option<Traffic>
         pedestrians: traffic.pedestrians,
         cyclists: traffic.cyclists,
         first_id: traffic.first_id.0,
+        closed: course.closures.iter().map(|closure| (closure.at.lane, closure.at.s_m)).collect(),
         ..TrafficSetup::default()
     };
     let programs = scenario.road.lights.clone();
@@ -53,12 +54,17 @@ pub(crate) fn of_scenario(scenario: &Scenario, shape: &Shape) -> Option<Traffic>
         light.map_or(Aspect::Off, |light| light.aspect(at))
     };
     let line = scenario.road.line();
-    let ego = shape.footprint(scenario.ego_pose(&line, shape));
-    let others = scenario.other_egos.iter().map(|other| shape.footprint(other.pose(shape)));
+    let moving = |body: Obb, speed_mps: f64| (body, body.center.direction() * speed_mps);
+    let ego = moving(shape.footprint(scenario.ego_pose(&line, shape)), scenario.ego.start_speed());
+    let others = scenario
+        .other_egos
+        .iter()
+        .map(|other| moving(shape.footprint(other.pose(shape)), other.start.start_speed()));
     let actors = scenario.actors.iter().filter(|actor| !is_of_traffic(scenario, actor.id));
-    let actors = actors.map(|actor| actor.extent.footprint(actor.pose(&line)));
-    let reserved: Vec<Obb> = core::iter::once(ego).chain(others).chain(actors).collect();
-    Some(Traffic::new(Arc::clone(&course.map), &setup, Lights::new(aspect), traffic.seed?, &reserved))
+    // Those that a script moves may stand at first.
+    let actors = actors.map(|actor| moving(actor.extent.footprint(actor.pose(&line)), 0.0));
+    let bodies: Vec<(Obb, Vector2)> = core::iter::once(ego).chain(others).chain(actors).collect();
+    Some(Traffic::among(Arc::clone(&course.map), &setup, Lights::new(aspect), traffic.seed?, &bodies))
 }
 
 /// Returns true for the identities of a scenario's traffic.

@@ -7,7 +7,7 @@ use swerve_geom::{Pose2, Vector2, math};
 use swerve_msg::{ActorId, Extent};
 use swerve_road_user::idm::Idm;
 
-use crate::net::{Meeting, Net, Zone};
+use crate::net::{End, Meeting, Net, Zone};
 
 /// Length of the way that is known ahead, metres.
 const AHEAD_M: f64 = 160.0;
@@ -130,11 +130,17 @@ impl Car {
         self.blocks.iter().find(|block| block.begin_m > self.granted_m() && block.end_m > self.x_m)
     }
 
-    /// End of the way if the map ends there, metres.
-    pub(crate) fn dead_end_m(&self, net: &Net) -> Option<f64> {
+    /// End of the way, if it is known: a closed place ahead, or the end of a lane without another one.
+    pub(crate) fn end(&self, net: &Net) -> Option<End> {
+        let closed = |(lane, begin_m): &(usize, f64)| Some(begin_m + net.lane(*lane).closed_m?);
+        if let Some(closed_m) = self.way.iter().filter_map(closed).find(|closed_m| *closed_m > self.x_m) {
+            return Some(End::Closed(closed_m));
+        }
         let &(last, begin_m) = self.way.back()?;
+        let end_m = begin_m + net.lane(last).length_m;
         let goes_on = net.onward(last, self.cycles).next().is_some();
-        (!goes_on).then(|| begin_m + net.lane(last).length_m)
+        let end = if net.lane(last).is_open { End::Open(end_m) } else { End::Dead(end_m) };
+        (!goes_on).then_some(end)
     }
 
     /// Largest desired speed at its place, with regard to bends ahead, m/s.
@@ -247,12 +253,16 @@ impl Car {
             }
         }
         zones.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let grants = &self.grants;
+        let grant_at = |place_m: f64| grants.iter().position(|grant| place_m <= grant.until_m);
         for (from_m, to_m, begin_m, zone) in zones {
             if to_m < self.x_m {
                 continue;
             }
             let joins = |block: &&mut Block| {
-                let both_before = block.begin_m <= granted_m && from_m <= granted_m;
+                // Grants are withdrawn one by one.
+                let grant = grant_at(from_m);
+                let both_before = grant.is_some() && grant_at(block.begin_m) == grant;
                 let both_after = block.begin_m > granted_m && from_m - block.end_m < ROOM_M;
                 both_before || both_after
             };
@@ -282,8 +292,10 @@ impl Car {
                 for stop in &net.lane(lane).stops {
                     let line_m = begin_m + stop.s_m - self.half_m() - LINE_GAP_M;
                     let is_for = line_m > block.begin_m - LINE_M && line_m < block.begin_m + 6.0;
+                    // Lanes passed in the meantime may have hidden a line at which it is too late to stop.
+                    let is_late = line_m - self.x_m < self.speed_mps * self.speed_mps / 8.0 - LINE_GAP_M;
                     if is_for && line_m > after_m {
-                        stop_m = stop_m.min(line_m);
+                        stop_m = if is_late { stop_m } else { stop_m.min(line_m) };
                         has_sign |= stop.sign == Some(swerve_map::StopSign::Stop) && stop.signals.is_empty();
                     }
                 }

@@ -67,7 +67,8 @@ impl Changes<'_> {
         if !lawful || in_zone(car.lane(), s_m, ends_m[0]) || in_zone(target, place.s_m, ends_m[1]) {
             return None;
         }
-        let bias_mps2 = self.bias_mps2(car, lane.length_m - s_m, target)?;
+        let end_m = lane.closed_m.unwrap_or(lane.length_m);
+        let bias_mps2 = self.bias_mps2(car, end_m - s_m, target)?;
         let with = self.accelerations(cars, who, (target, place.s_m))?;
         let incentive_mps2 = self.mobil.incentive_mps2(&with, bias_mps2);
         let target = Target { lane: target, s_m: place.s_m, d_m: place.d_m };
@@ -76,8 +77,7 @@ impl Changes<'_> {
 
     /// Preference of lanes that go on; `None` for a lane that ends while the present one does not.
     fn bias_mps2(&self, car: &Car, left_m: f64, target: usize) -> Option<f64> {
-        let ends = |lane: usize| self.net.onward(lane, false).next().is_none();
-        match (ends(car.lane()), ends(target)) {
+        match (self.net.ends(car.lane()), self.net.ends(target)) {
             (false, true) => None,
             (true, false) if left_m < ENDS_M => Some(ENDS_MPS2),
             _ => Some(0.0),
@@ -93,7 +93,7 @@ impl Changes<'_> {
         let gain = |car: &Car, lane: usize, lead| gain_at(car.speed_mps, car, lane, lead);
         let own_lead = self.scene.lead(self.net, car, who).map(|lead| (lead.gap_m, lead.speed_mps));
         let gap_m = |ahead: On, behind_m: f64, half_m: f64| ahead.s_m - ahead.half_m - behind_m - half_m;
-        let lead = self.scene.ahead_on(target, s_m, who);
+        let lead = self.scene.leader(self.net, (target, s_m), who);
         let new_lead = lead.map(|lead| (gap_m(lead, s_m, car.half_m()), lead.speed_mps));
         if new_lead.is_some_and(|(gap_m, _)| gap_m < car.idm.stand_gap_m) {
             return None;
@@ -102,7 +102,7 @@ impl Changes<'_> {
             own_mps2: [gain(car, car.lane(), own_lead), gain(car, target, new_lead)],
             ..Accelerations::default()
         };
-        if let Some(behind) = self.scene.behind_on(target, s_m, who) {
+        if let Some(behind) = self.scene.follower(self.net, (target, s_m), who) {
             // A body that is not ours is expected to follow as this driver does.
             let follower = cars.get(behind.who).unwrap_or(car);
             let to_own = (s_m - car.half_m() - behind.s_m - behind.half_m, car.speed_mps);
@@ -114,7 +114,7 @@ impl Changes<'_> {
             with.new_follower_mps2 = [follows(to_lead), follows(Some(to_own))];
         }
         let own = On { s_m: car.s_m(), half_m: car.half_m(), speed_mps: car.speed_mps, who };
-        let behind = self.scene.behind_on(car.lane(), own.s_m, who);
+        let behind = self.scene.follower(self.net, (car.lane(), own.s_m), who);
         if let Some((follower, body)) = behind.and_then(|body| Some((cars.get(body.who)?, body))) {
             let to_own = (gap_m(own, body.s_m, body.half_m), own.speed_mps);
             let to_lead = own_lead.map(|(gap_m, mps)| (to_own.0 + gap_m + car.extent.length_m, mps));

@@ -5,8 +5,10 @@ use swerve_road_user::idm::Idm;
 use crate::car::Car;
 use crate::junction::Junctions;
 
-/// Deceleration that is possible, m/s².
+/// Deceleration that drivers count on, of others and of themselves, m/s².
 const BRAKE_MAX_MPS2: f64 = 8.0;
+/// Deceleration in an emergency, on a dry road, m/s². No vehicle brakes harder: who is cut off hits the other.
+pub(crate) const EMERGENCY_MPS2: f64 = 9.0;
 /// Gap that is kept in any case, metres.
 const GAP_MIN_M: f64 = 0.5;
 /// Gap at standstill before a place to stop at, metres.
@@ -40,7 +42,7 @@ pub(crate) fn gain_mps2(car: &Car, desired_mps: f64, ahead: &Ahead, dt_s: f64) -
         gain_mps2 = gain_mps2.min((safe_mps(wall_m, 0.0, dt_s) - v) / dt_s);
     }
     // Rest is rest: an acceleration of almost nothing would creep.
-    if v < 0.05 && gain_mps2 < 0.05 { -v / dt_s } else { gain_mps2.max(-v / dt_s) }
+    if v < 0.05 && gain_mps2 < 0.05 { -v / dt_s } else { gain_mps2.max(-v / dt_s).max(-EMERGENCY_MPS2) }
 }
 
 /// Largest speed after a tick from which a vehicle stops behind another that brakes as hard as it can (Gipps 1981).
@@ -61,8 +63,8 @@ impl Junctions<'_> {
     ) -> (f64, bool) {
         let car = &cars[who];
         let mut ahead = Ahead::default();
-        let lead = self.scene.lead(self.net, car, who);
-        ahead.leads.extend(lead.map(|lead| (lead.gap_m, lead.speed_mps)));
+        let leads = self.scene.leads(self.net, car, who);
+        ahead.leads.extend(leads.iter().map(|lead| (lead.gap_m, lead.speed_mps)));
         ahead.leads.extend(self.merge_leads(cars, who));
         ahead.walls_m.extend(red_m.map(|red_m| red_m - car.x_m));
         ahead.walls_m.extend(self.wait_m(cars, who).map(|wait_m| wait_m - car.x_m));
@@ -75,10 +77,11 @@ impl Junctions<'_> {
                 ahead.walls_m.push(to_m);
             }
         }
-        ahead.walls_m.extend(car.dead_end_m(self.net).map(|end_m| end_m - car.half_m() - car.x_m));
+        ahead.walls_m.extend(car.end(self.net).map(|end| end.wall_m() - car.half_m() - car.x_m));
         let desired_mps = car.desired_mps(self.net, self.params.brake_mps2);
         let gain_mps2 = gain_mps2(car, desired_mps, &ahead, self.dt_s);
         let near_red = red_m.is_some_and(|red_m| red_m - car.x_m < 30.0);
+        let lead = leads.iter().min_by(|a, b| a.gap_m.total_cmp(&b.gap_m));
         let behind_red = lead
             .is_some_and(|lead| lead.gap_m < 10.0 && cars.get(lead.who).is_some_and(|ahead| ahead.at_red));
         (gain_mps2, near_red || behind_red)

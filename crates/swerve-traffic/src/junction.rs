@@ -141,18 +141,26 @@ impl Junctions<'_> {
             for (k, stop) in self.net.lane(lane).stops.iter().enumerate() {
                 let place_m = begin_m + stop.s_m - car.half_m() - LINE_GAP_M;
                 // A front beyond the line has passed it.
-                if stop.signals.is_empty() || place_m + LINE_GAP_M < car.x_m || place_m > car.x_m + 120.0 {
+                let line = Some((lane, k));
+                if place_m + LINE_GAP_M < car.x_m {
+                    car.passes = car.passes.filter(|passes| Some(*passes) != line);
                     continue;
                 }
-                let line = Some((lane, k));
+                if stop.signals.is_empty() || place_m > car.x_m + 120.0 {
+                    continue;
+                }
                 match self.lights.strictest(&stop.signals, self.now) {
                     Aspect::Green | Aspect::Off => {
-                        if car.stops == line {
-                            car.stops = None;
-                        }
+                        // The next change to yellow is decided anew.
+                        car.stops = car.stops.filter(|stops| Some(*stops) != line);
+                        car.passes = car.passes.filter(|passes| Some(*passes) != line);
                     }
                     aspect => {
-                        let need_mps2 = v * v / (2.0 * (place_m - car.x_m).max(0.01));
+                        // A red light takes the grant: zones that begin before the line are then waited for, too.
+                        let grant = car.grants.iter().find(|grant| grant.until_m > place_m);
+                        let zones_m = grant.map(|grant| grant.stop_m).filter(|stop_m| *stop_m > car.x_m);
+                        let stop_m = zones_m.map_or(place_m, |stop_m| stop_m.min(place_m));
+                        let need_mps2 = v * v / (2.0 * (stop_m - car.x_m).max(0.01));
                         let can_stop = need_mps2 <= YELLOW_MPS2;
                         if car.stops == line || (car.passes != line && (can_stop || v < 1.0)) {
                             car.stops = line;

@@ -1,11 +1,14 @@
 //! Lanes of a map as traffic uses them: who may drive where, how fast, and where paths conflict.
 
-use swerve_geom::{Polyline, angle_between};
-use swerve_map::conflict::{self, Conflicts};
+mod ends;
+
+use swerve_geom::{Point2, Polyline, angle_between};
+use swerve_map::conflict;
 use swerve_map::{Lane, LaneId, LaneKind, Map, Neighbour, Side, SignalId, StopSign};
 
 use crate::setup::DriverParams;
 
+pub(crate) use ends::End;
 pub(crate) use swerve_map::conflict::Meeting;
 
 /// Narrowest lane for cars, metres.
@@ -49,6 +52,14 @@ pub(crate) struct NetLane {
     /// Lanes for cars in the same direction, to the left and to the right.
     pub(crate) beside: [Option<usize>; 2],
     pub(crate) in_junction: bool,
+    /// Lowest and highest coordinates of the line.
+    pub(crate) bounds: [Point2; 2],
+    /// True if it ends at the edge of the map.
+    pub(crate) is_open: bool,
+    /// Place that is closed to traffic.
+    pub(crate) closed_m: Option<f64>,
+    /// True if all ways from here, lane changes included, lead to closed places.
+    pub(crate) is_blocked: bool,
     /// Speeds at intervals of [`STEP_M`] from which those further on are reached comfortably, for a driver whose desired
     /// speed is the limit, m/s.
     speeds_mps: Vec<f64>,
@@ -79,14 +90,14 @@ pub(crate) struct Net {
 }
 
 impl Net {
-    pub(crate) fn new(map: &Map, params: &DriverParams) -> Self {
+    pub(crate) fn new(map: &Map, params: &DriverParams, closed: &[(LaneId, f64)]) -> Self {
         let used: Vec<&Lane> = map
             .lanes()
             .iter()
             .filter(|lane| matches!(lane.kind, LaneKind::Driving | LaneKind::Cycling))
             .collect();
         let index = |id: LaneId| used.binary_search_by_key(&id, |lane| lane.id).ok();
-        let conflicts = Conflicts::new(map);
+        let conflicts = map.conflicts();
         let zone = |zone: &conflict::Zone| {
             let conflict::Zone { at_m, other, other_m, meeting, shift_m, yields } = *zone;
             Some(Zone { at_m, other: index(other)?, other_m, meeting, shift_m, yields })
@@ -112,6 +123,10 @@ impl Net {
                 before: map.predecessors(lane.id).iter().filter_map(|id| index(*id)).collect(),
                 beside: [beside(lane.left), beside(lane.right)],
                 in_junction: map.is_in_junction(lane.id),
+                bounds: bounds(&lane.line),
+                is_open: false,
+                closed_m: None,
+                is_blocked: false,
                 speeds_mps: speeds_mps(&lane.line, limit_mps, params),
                 stops: stops
                     .map(|stop| StopAt { s_m: stop.s_m, signals: stop.signals.clone(), sign: stop.sign })
@@ -122,6 +137,7 @@ impl Net {
             }
         });
         let mut net = Self { lanes: lanes.collect() };
+        net.find_ends(closed);
         for (k, crossing) in map.crossings().iter().enumerate() {
             for lane in &mut net.lanes {
                 if let Some(part_m) = crossing.covered_m(&lane.line) {
@@ -136,9 +152,12 @@ impl Net {
         &self.lanes[k]
     }
 
-    /// Lanes that continue one, for cars or for cyclists.
+    /// Lanes that continue one, for cars or for cyclists; only those that lead around closed places, if there are such.
     pub(crate) fn onward(&self, k: usize, cycles: bool) -> impl Iterator<Item = usize> {
-        self.lanes[k].next.iter().copied().filter(move |next| cycles || self.lanes[*next].for_cars)
+        let next = &self.lanes[k].next;
+        let fits = move |next: &usize| cycles || self.lanes[*next].for_cars;
+        let is_blocked = next.iter().filter(|next| fits(next)).all(|next| self.lanes[*next].is_blocked);
+        next.iter().copied().filter(move |next| fits(next) && (is_blocked || !self.lanes[*next].is_blocked))
     }
 }
 
@@ -146,6 +165,14 @@ impl Net {
 pub(crate) fn may_change(lane: &Lane, side: Side, [from_m, to_m]: [f64; 2]) -> bool {
     let steps = ((to_m - from_m) / STEP_M).ceil().max(1.0);
     (0..=steps as usize).all(|k| lane.may_cross(side, from_m + (to_m - from_m) * k as f64 / steps))
+}
+
+fn bounds(line: &Polyline) -> [Point2; 2] {
+    let points = line.points();
+    let ends = |f: fn(f64, f64) -> f64| {
+        points.iter().copied().reduce(|a, b| Point2::new(f(a.x_m, b.x_m), f(a.y_m, b.y_m)))
+    };
+    [ends(f64::min).unwrap_or_default(), ends(f64::max).unwrap_or_default()]
 }
 
 fn narrowest_m(lane: &Lane) -> f64 {

@@ -1,6 +1,6 @@
 //! Vehicles by lane, at one tick.
 
-use swerve_geom::{Obb, Point2, Vector2};
+use swerve_geom::{Obb, Vector2};
 use swerve_msg::ActorKind;
 
 use crate::car::Car;
@@ -8,7 +8,7 @@ use crate::net::Net;
 
 /// Largest distance of a lead, metres.
 const LEAD_MAX_M: f64 = 120.0;
-/// Distance ahead at which vehicles are expected in zones, metres.
+/// Distance ahead at which bodies that are not ours are expected in zones, metres.
 const COMING_M: f64 = 110.0;
 /// Half of the width beside the centre line that must be free for a car to pass, metres.
 const CLEAR_M: f64 = 1.15;
@@ -59,21 +59,12 @@ pub(crate) struct Scene {
     touched: Vec<usize>,
     /// Lanes with zones, and those just behind: only for these, it is known who is coming.
     is_listed: Vec<bool>,
-    bounds: Vec<[Point2; 2]>,
     pub(crate) others: Vec<Other>,
     pub(crate) cars: usize,
 }
 
 impl Scene {
     pub(crate) fn new(net: &Net) -> Self {
-        let bounds = net.lanes.iter().map(|lane| {
-            let points = lane.line.points();
-            let ends = |f: fn(f64, f64) -> f64| {
-                points.iter().copied().reduce(|a, b| Point2::new(f(a.x_m, b.x_m), f(a.y_m, b.y_m)))
-            };
-            [ends(f64::min).unwrap_or_default(), ends(f64::max).unwrap_or_default()]
-        });
-        let bounds = bounds.collect();
         let has_zones = |lane: usize| !net.lane(lane).zones.is_empty();
         let is_listed = |lane: usize| has_zones(lane) || net.lane(lane).before.iter().any(|k| has_zones(*k));
         let is_listed = (0..net.lanes.len()).map(is_listed).collect();
@@ -81,7 +72,6 @@ impl Scene {
         Self {
             on: vec![Vec::new(); count],
             coming: vec![Vec::new(); count],
-            bounds,
             is_listed,
             ..Self::default()
         }
@@ -101,10 +91,8 @@ impl Scene {
             if let Some(change) = car.change {
                 self.put(change.from, On { s_m: car.x_m + change.offset_m, ..body });
             }
+            // Its whole way: it may have grants as far ahead.
             for &(lane, begin_m) in &car.way {
-                if begin_m > car.x_m + COMING_M {
-                    break;
-                }
                 if self.is_listed[lane] {
                     self.coming[lane].push(Coming { who, begin_m });
                     self.touched.push(lane);
@@ -130,7 +118,7 @@ impl Scene {
         let (center, reach_m) = (body.center.point(), body.radius() + CLEAR_M);
         let who = self.cars + k;
         for lane in 0..net.lanes.len() {
-            let [low, high] = self.bounds[lane];
+            let [low, high] = net.lane(lane).bounds;
             let is_apart = |low: f64, high: f64, at: f64| at < low - reach_m || at > high + reach_m;
             if is_apart(low.x_m, high.x_m, center.x_m) || is_apart(low.y_m, high.y_m, center.y_m) {
                 continue;
@@ -187,27 +175,67 @@ impl Scene {
     }
 
     /// First body beyond a place of a lane that is not `who`.
-    pub(crate) fn ahead_on(&self, lane: usize, s_m: f64, who: usize) -> Option<On> {
+    fn ahead_on(&self, lane: usize, s_m: f64, who: usize) -> Option<On> {
         let on = &self.on[lane];
         let begin = on.partition_point(|body| (body.s_m, body.who) <= (s_m, who));
         on[begin..].iter().find(|body| body.who != who).copied()
     }
 
     /// Last body before a place of a lane that is not `who`.
-    pub(crate) fn behind_on(&self, lane: usize, s_m: f64, who: usize) -> Option<On> {
+    fn behind_on(&self, lane: usize, s_m: f64, who: usize) -> Option<On> {
         let on = &self.on[lane];
         let end = on.partition_point(|body| (body.s_m, body.who) <= (s_m, who));
         on[..end].iter().rev().find(|body| body.who != who).copied()
     }
 
+    /// First body beyond a place, on a lane or the lanes that follow it. Its place counts from the begin of the lane.
+    pub(crate) fn leader(&self, net: &Net, (lane, s_m): (usize, f64), who: usize) -> Option<On> {
+        let mut open = vec![(lane, 0.0)];
+        let mut nearest: Option<On> = None;
+        while let Some((at, begin_m)) = open.pop() {
+            let found = self.ahead_on(at, s_m - begin_m, who).map(|on| On { s_m: on.s_m + begin_m, ..on });
+            if let Some(on) = found {
+                nearest = Some(nearest.filter(|nearest| nearest.s_m <= on.s_m).unwrap_or(on));
+                continue;
+            }
+            let end_m = begin_m + net.lane(at).length_m;
+            if end_m - s_m < LEAD_MAX_M {
+                open.extend(net.lane(at).next.iter().map(|next| (*next, end_m)));
+            }
+        }
+        nearest
+    }
+
+    /// Last body before a place, on a lane or the lanes that lead to it. Its place counts from the begin of the lane.
+    pub(crate) fn follower(&self, net: &Net, (lane, s_m): (usize, f64), who: usize) -> Option<On> {
+        let mut open = vec![(lane, 0.0)];
+        let mut nearest: Option<On> = None;
+        while let Some((at, begin_m)) = open.pop() {
+            let found = self.behind_on(at, s_m - begin_m, who).map(|on| On { s_m: on.s_m + begin_m, ..on });
+            if let Some(on) = found {
+                nearest = Some(nearest.filter(|nearest| nearest.s_m >= on.s_m).unwrap_or(on));
+                continue;
+            }
+            if s_m - begin_m < LEAD_MAX_M {
+                let before = &net.lane(at).before;
+                open.extend(before.iter().map(|before| (*before, begin_m - net.lane(*before).length_m)));
+            }
+        }
+        nearest
+    }
+
     /// The nearest vehicle ahead on the way of a car, those on forks of it included while they are in the way.
     pub(crate) fn lead(&self, net: &Net, car: &Car, who: usize) -> Option<Lead> {
-        let mut nearest: Option<Lead> = None;
+        self.leads(net, car, who).into_iter().reduce(|a, b| if b.gap_m < a.gap_m { b } else { a })
+    }
+
+    /// Vehicles ahead that a car regards: the first one on its way, those on forks of it while they are in the way, and
+    /// the first one on a lane that it is leaving. One farther ahead may be the slower one.
+    pub(crate) fn leads(&self, net: &Net, car: &Car, who: usize) -> Vec<Lead> {
+        let mut leads = Vec::new();
         let mut offer = |body: On, place_m: f64| {
             let gap_m = place_m - body.half_m - car.x_m - car.half_m();
-            if nearest.is_none_or(|lead| gap_m < lead.gap_m) {
-                nearest = Some(Lead { gap_m, speed_mps: body.speed_mps, who: body.who, place_m });
-            }
+            leads.push(Lead { gap_m, speed_mps: body.speed_mps, who: body.who, place_m });
         };
         for &(lane, begin_m) in &car.way {
             if begin_m > car.x_m + LEAD_MAX_M {
@@ -235,6 +263,6 @@ impl Scene {
         {
             offer(body, body.s_m - change.offset_m);
         }
-        nearest
+        leads
     }
 }

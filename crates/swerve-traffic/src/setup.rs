@@ -1,6 +1,7 @@
 //! Numbers of road users and the parameters of their behaviour.
 
 use swerve_core::Span;
+use swerve_map::LaneId;
 use swerve_road_user::idm::{Idm, STAND_GAP_M};
 use swerve_road_user::mobil::Mobil;
 
@@ -19,6 +20,8 @@ pub struct TrafficSetup {
     pub tick: Span,
     /// Smallest distance of a new actor from reserved boxes and from the ego, metres.
     pub reserve_m: f64,
+    /// Places that are closed to vehicles: lanes, and arc lengths along them in metres.
+    pub closed: Vec<(LaneId, f64)>,
     /// Behaviour of drivers.
     pub drivers: DriverParams,
 }
@@ -32,6 +35,7 @@ impl Default for TrafficSetup {
             first_id: 1,
             tick: Span::from_ms(100),
             reserve_m: 20.0,
+            closed: Vec::new(),
             drivers: DriverParams::default(),
         }
     }

@@ -72,12 +72,13 @@ impl Entries {
         entries
     }
 
-    /// First free place among keyed draws: lane and place along it.
+    /// First free place with room among keyed draws: lane and place along it.
     pub(crate) fn place(
         &self,
         net: &Net,
         car: &Car,
         (rng, taken, free_m): (&mut Rng, &Taken<'_>, [f64; 2]),
+        has_room: impl Fn(usize, f64) -> bool,
     ) -> Option<(usize, f64, Pose2)> {
         for _ in 0..TRIES {
             let draw_m = rng.uniform(0.0, self.total_m);
@@ -91,11 +92,12 @@ impl Entries {
                 .crossings
                 .iter()
                 .any(|(_, [from_m, to_m])| from_m - margin_m < s_m && s_m < to_m + margin_m);
-            if s_m < margin_m || s_m > on.length_m - margin_m || in_zone || on_crossing {
+            let is_closed = on.closed_m.map_or(on.is_blocked, |closed_m| s_m < closed_m + margin_m);
+            if s_m < margin_m || s_m > on.length_m - margin_m || in_zone || on_crossing || is_closed {
                 continue;
             }
             let pose = on.line.at(s_m).pose;
-            if taken.is_free(&car.extent.footprint(pose), free_m) {
+            if taken.is_free(&car.extent.footprint(pose), free_m) && has_room(lane, s_m) {
                 return Some((lane, s_m, pose));
             }
         }

@@ -64,9 +64,21 @@ pub struct Traffic {
 
 impl Traffic {
     /// Creates traffic on a map at instant 0, with draws keyed by `seed`. `reserved` is ground to keep clear of, such as
-    /// the place of the ego. An actor for which there is no legal place is left out and counted.
+    /// the place of an ego at rest. An actor for which there is no legal place is left out and counted.
     pub fn new(map: Arc<Map>, setup: &TrafficSetup, lights: Lights, seed: u64, reserved: &[Obb]) -> Self {
-        let net = Net::new(&map, &setup.drivers);
+        let at_rest: Vec<(Obb, Vector2)> = reserved.iter().map(|body| (*body, Vector2::default())).collect();
+        Self::among(map, setup, lights, seed, &at_rest)
+    }
+
+    /// The same among bodies with velocities in m/s: vehicles behind one begin at a speed from which they follow it.
+    pub fn among(
+        map: Arc<Map>,
+        setup: &TrafficSetup,
+        lights: Lights,
+        seed: u64,
+        bodies: &[(Obb, Vector2)],
+    ) -> Self {
+        let net = Net::new(&map, &setup.drivers, &setup.closed);
         let mut traffic = Self {
             scene: Scene::new(&net),
             entries: [false, true].map(|cycles| Entries::new(&net, cycles)),
@@ -83,8 +95,15 @@ impl Traffic {
             ticks: 0,
             counts: Counts::default(),
         };
-        traffic.populate(reserved);
-        traffic.decide(Vec::new());
+        let other = |&(body, velocity_mps): &(Obb, Vector2)| Other {
+            body,
+            velocity_mps,
+            kind: ActorKind::Car,
+            is_ego: false,
+        };
+        let others: Vec<Other> = bodies.iter().map(other).collect();
+        traffic.populate(&others);
+        traffic.decide(others);
         traffic
     }
 
@@ -199,7 +218,7 @@ impl Traffic {
         self.walkers.decide(&self.net, &self.cars, &self.scene, (lights, self.tick), dt_s);
         for (car, (gain_mps2, at_red)) in self.cars.iter_mut().zip(decisions) {
             (car.gain_mps2, car.at_red) = (gain_mps2, at_red);
-            self.counts.hard_brakes += u64::from(gain_mps2 < -8.5 && car.speed_mps > 0.5);
+            self.counts.hard_brakes += u64::from(gain_mps2 < -8.5 && car.speed_mps > 1.0);
             if at_red {
                 car.stands_s = 0.0;
             }

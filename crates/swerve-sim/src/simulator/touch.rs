@@ -1,7 +1,7 @@
 //! Contacts in a step.
 
 use swerve_geom::Obb;
-use swerve_msg::ActorId;
+use swerve_msg::{ActorId, ActorKind};
 use swerve_msg::truth::{Actor, Collision};
 
 use super::{Before, Simulator};
@@ -52,6 +52,9 @@ impl Simulator {
         }
         let index = |id: ActorId| actors.binary_search_by_key(&id, |actor| actor.id).ok();
         pairs.extend(self.contacts.parties().filter_map(|[a, b]| Some([index(a)?, index(b)?])));
+        // People who touch each other do not collide.
+        let is_vehicle = |i: usize| actors[i].kind != ActorKind::Pedestrian;
+        pairs.retain(|pair| pair.iter().any(|&i| is_vehicle(i)));
         pairs.sort_unstable();
         pairs.dedup();
         for pair in pairs {

@@ -76,11 +76,12 @@ fn movement_between_ticks_is_smooth() {
         traffic.advance_alone(now);
         let next = place(&traffic, now);
         for (k, ((from, from_mps), (to, to_mps))) in before.iter().zip(&next).enumerate() {
-            // One that leaves enters elsewhere: the only jump.
+            // One that leaves enters elsewhere: the only jump. Where lanes join at an angle of 1 degree, a cyclist beside
+            // the middle moves by 2 cm.
             let along_m = from.distance(*to);
             let due_m = 0.5 * (from_mps + to_mps) * step.as_secs();
             assert!(
-                (along_m - due_m).abs() < 0.012 || entries(&traffic, ids[k]) != entered[k],
+                (along_m - due_m).abs() < 0.02 || entries(&traffic, ids[k]) != entered[k],
                 "{along_m} m, {due_m} m"
             );
         }

@@ -17,6 +17,7 @@ fn check(name: &str, map: &Arc<Map>, setup: &TrafficSetup, seeds: core::ops::Ran
         println!("{name}, seed {seed}: {count} vehicles, {mean_mps:.2} m/s, {sums:?}");
         let Sums { overlaps, red_lines, slowest_mps, counts, .. } = sums;
         assert_eq!((overlaps, red_lines, counts.deadlocks), (0, 0, 0), "{name}, seed {seed}");
+        assert_eq!(counts.hard_brakes, 0, "{name}, seed {seed}");
         assert!(slowest_mps >= 0.0 && mean_mps > 0.5, "{name}, seed {seed}: {mean_mps} m/s");
     }
 }
@@ -33,7 +34,7 @@ fn vehicles_neither_overlap_nor_get_stuck_on_maps_of_scenarios() {
         ("two_ways.xodr", 15, 0),
     ] {
         let setup = TrafficSetup { vehicles, cyclists, pedestrians: 8, ..TrafficSetup::default() };
-        check(name, &scenario_map(name), &setup, 0..3, 120.0);
+        check(name, &scenario_map(name), &setup, 0..4, 300.0);
     }
 }
 
@@ -47,5 +48,48 @@ fn vehicles_neither_overlap_nor_get_stuck_in_towns() {
         let Some(map) = data_map(name) else { continue };
         let setup = TrafficSetup { vehicles, pedestrians: 40, cyclists: 10, ..TrafficSetup::default() };
         check(name, &map, &setup, 0..2, 120.0);
+    }
+}
+
+#[test]
+fn vehicles_leave_a_map_and_enter_it_at_speed() {
+    let setup = TrafficSetup { vehicles: 6, ..TrafficSetup::default() };
+    let map = scenario_map("two_lane_road.xodr");
+    let mut traffic = Traffic::new(Arc::clone(&map), &setup, lights(&map), 2, &[]);
+    let (mut slowest_mps, mut farthest_m) = (f64::INFINITY, 0.0_f64);
+    for k in 1..3000 {
+        traffic.advance_alone(swerve_core::Time::ZERO + swerve_core::Span::from_ms(100) * k);
+        for car in &traffic.cars {
+            slowest_mps = slowest_mps.min(car.speed_mps);
+            farthest_m = farthest_m.max(car.s_m() + car.half_m() - traffic.net.lane(car.lane()).length_m);
+        }
+    }
+    assert!(traffic.counts().re_entries > 30 && slowest_mps > 8.0, "{slowest_mps} m/s");
+    // Half a second between two attempts to enter.
+    assert!(farthest_m < 30.0, "{farthest_m} m beyond the map");
+}
+
+#[test]
+fn vehicles_drive_around_a_closed_place_or_stop_before_it() {
+    let map = scenario_map("two_ways.xodr");
+    // The direct road, in both directions.
+    let is_direct = |lane: &&swerve_map::Lane| (lane.line.length() - 228.0).abs() < 1.0;
+    let closed: Vec<_> = map.lanes().iter().filter(is_direct).map(|lane| lane.id).collect();
+    assert!(closed.len() >= 2);
+    let setup = TrafficSetup {
+        vehicles: 12,
+        closed: closed.iter().map(|lane| (*lane, 120.0)).collect(),
+        ..TrafficSetup::default()
+    };
+    for seed in 0..3 {
+        let mut traffic = Traffic::new(Arc::clone(&map), &setup, lights(&map), seed, &[]);
+        let is_in = |car: &crate::car::Car, net: &crate::net::Net| {
+            closed.contains(&net.lane(car.lane()).id) && (car.s_m() - 120.0).abs() < car.half_m()
+        };
+        for k in 1..1200 {
+            traffic.advance_alone(swerve_core::Time::ZERO + swerve_core::Span::from_ms(100) * k);
+            assert!(traffic.cars.iter().all(|car| !is_in(car, &traffic.net)), "seed {seed}");
+        }
+        assert_eq!(traffic.counts().deadlocks, 0, "seed {seed}");
     }
 }

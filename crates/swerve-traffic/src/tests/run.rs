@@ -71,6 +71,7 @@ pub(super) fn drive(traffic: &mut Traffic, seconds: f64, others: impl Fn(Time) -
                 assert!(car.x_m >= x_m, "{:?} moves backwards", car.id);
                 sums.covered_m += (car.x_m - x_m).max(0.0);
             }
+            assert!(car.gain_mps2 >= -9.0, "{:?} brakes by {}", car.id, -car.gain_mps2);
             sums.slowest_mps = sums.slowest_mps.min(car.speed_mps);
             sums.longest_wait_s = sums.longest_wait_s.max(car.stands_s);
         }

@@ -34,6 +34,62 @@ fn cars_stop_behind_an_ego_at_rest() {
     assert!(car.speed_mps < 0.1 && (1.5..3.0).contains(&gap_m), "{gap_m} m at {} m/s", car.speed_mps);
 }
 
+/// Largest deceleration of a car at 30 m/s in front of which an ego moves in at 10 m/s, and whether they touch.
+fn cut_off(gap_m: f64) -> (f64, bool) {
+    let setup = TrafficSetup { vehicles: 1, ..TrafficSetup::default() };
+    let lights = Lights::new(|_, _| swerve_map::Aspect::Off);
+    let mut traffic = Traffic::new(scenario_map("ramp.xodr"), &setup, lights, 1, &[]);
+    let motorway = traffic.net.lanes.iter().position(|lane| lane.length_m > 240.0 && lane.limit_mps > 30.0);
+    let lane = traffic.net.lane(motorway.unwrap()).clone();
+    put(&mut traffic, 0, &[lane.id], 60.0, 30.0);
+    let (mut brakes_mps2, mut touches) = (0.0_f64, false);
+    for k in 1..50 {
+        let now = Time::ZERO + Span::from_ms(100) * k;
+        let s_m = 60.0 + traffic.cars[0].half_m() + gap_m + 2.25 + 10.0 * now.as_secs();
+        let ego = other(lane.line.at(s_m).pose, 10.0);
+        let before_mps = traffic.cars[0].speed_mps;
+        traffic.advance(now, &[ego]);
+        let car = &traffic.cars[0];
+        brakes_mps2 = brakes_mps2.max((before_mps - car.speed_mps) / 0.1);
+        touches |= ego.body.overlaps(&car.extent.footprint(car.movement(&traffic.net, 0.0).0));
+    }
+    (brakes_mps2, touches)
+}
+
+#[test]
+fn car_that_is_cut_off_brakes_as_hard_as_cars_can_and_hits_the_other_if_that_is_not_enough() {
+    // 20 m/s of difference take 22 m at 9 m/s², and 2 to 3 m for the first decision.
+    assert_eq!(cut_off(10.0).1, true);
+    assert_eq!(cut_off(30.0).1, false);
+    for gap_m in [2.0, 10.0, 20.0, 30.0, 60.0] {
+        let (brakes_mps2, _) = cut_off(gap_m);
+        assert!(brakes_mps2 < 9.001, "{gap_m} m: {brakes_mps2} m/s²");
+        assert!(gap_m > 20.0 || brakes_mps2 > 8.9, "{gap_m} m: {brakes_mps2} m/s²");
+    }
+}
+
+#[test]
+fn car_behind_a_slow_ego_begins_at_a_speed_from_which_it_follows() {
+    let map = scenario_map("ramp.xodr");
+    let setup = TrafficSetup { vehicles: 20, ..TrafficSetup::default() };
+    let lane = map.lanes().iter().find(|lane| lane.line.length() > 240.0).unwrap().clone();
+    let ego = other(lane.line.at(200.0).pose, 5.0);
+    for seed in 0..5 {
+        let lights = Lights::new(|_, _| swerve_map::Aspect::Off);
+        let mut traffic =
+            Traffic::among(map.clone(), &setup, lights, seed, &[(ego.body, ego.velocity_mps)]);
+        for k in 1..200 {
+            let now = Time::ZERO + Span::from_ms(100) * k;
+            let mut ego = ego;
+            let ahead = ego.body.center.direction() * (5.0 * now.as_secs());
+            (ego.body.center.x_m, ego.body.center.y_m) =
+                (ego.body.center.x_m + ahead.x, ego.body.center.y_m + ahead.y);
+            traffic.advance(now, &[ego]);
+            assert!(traffic.cars.iter().all(|car| car.gain_mps2 > -6.0), "seed {seed}, {now:?}");
+        }
+    }
+}
+
 /// True if a car touches an ego that drives through the junction from its right, `to_m` before it at the start.
 fn touches(to_m: f64, is_seen: bool) -> bool {
     let mut traffic = traffic(1);

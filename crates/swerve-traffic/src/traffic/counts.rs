@@ -16,6 +16,6 @@ pub struct Counts {
     pub full_roads: u64,
     /// Lane changes begun.
     pub lane_changes: u64,
-    /// Ticks at which a driver braked harder than a car can, m/s², to prevent a contact.
+    /// Ticks at which a driver braked in an emergency, by 8.5 to 9 m/s².
     pub hard_brakes: u64,
 }
