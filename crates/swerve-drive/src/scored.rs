@@ -15,7 +15,7 @@ use swerve_eval::comfort::limits;
 use swerve_eval::score::leaderboard::Struck;
 use swerve_eval::score::nuplan::{self, FreeDriver, Progress, Step, Track, TrackKind, expert_progress_m};
 use swerve_eval::score::{DriveFacts, DriveJudge, DrivingScores, Ego, RoutePlace, StepFacts, Touch};
-use swerve_geom::{LineTracker, Obb, Pose2, Vector2};
+use swerve_geom::{Obb, Pose2, Vector2};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, ActorKind, Route};
 use swerve_scenario::{Course, Scenario};
@@ -34,10 +34,12 @@ const CONTACT_M: f64 = 0.05;
 const PASSED_M: f64 = 20.0;
 /// Speed above which a scripted actor has begun to move, m/s.
 const MOVES_MPS: f64 = 0.1;
-/// Distance of road users that can collide within nuPlan's horizon of 3 s, metres.
-const TRACKS_M: f64 = 120.0;
+/// Distance of road users that can touch the ego within 1 s, above which the time to collision costs nothing, metres.
+const TRACKS_M: f64 = 80.0;
 /// Time after its cause for which an emergency lasts, seconds: a stop from 50 km/h with 8 m/s² takes 1.7 s.
 const EMERGENCY_S: f64 = 2.0;
+/// Search range for the ego along the route in one step, metres: who leaves the route does not come to a later part of it.
+const REACH_M: f64 = 15.0;
 /// Search range along the route for points ahead of the ego, metres.
 const AHEAD_M: f64 = 60.0;
 
@@ -52,7 +54,6 @@ pub(crate) struct Scored {
     length_m: f64,
     start_mps: f64,
     target_mps: f64,
-    place: LineTracker,
     /// Arc length along the route, metres.
     s_m: f64,
     shape: Shape,
@@ -96,7 +97,6 @@ impl Scored {
             s_m: route.project(actor.pose(&line).point()).s_m,
             since_s: None,
         });
-        let center = shape.center(scenario.ego_pose(&line, &shape));
         Some(Self {
             judge: DriveJudge::new(length_m),
             lanes: Lanes::new(course),
@@ -105,7 +105,6 @@ impl Scored {
             length_m,
             start_mps: start.start_speed(),
             target_mps: start.target_speed_mps,
-            place: LineTracker::starting_at(start.s_m, center),
             s_m: start.s_m,
             shape,
             background,
@@ -193,7 +192,7 @@ impl Scored {
 
     fn place(&mut self, center: Pose2) -> RoutePlace {
         let point = center.point();
-        self.s_m = self.place.locate(self.route.line(), center).s_m;
+        self.s_m = self.route.project_near(point, self.s_m, REACH_M).s_m;
         let on_route = self.route.line().at(self.s_m).pose.point();
         let end = self.route.line().at(self.start_m + self.length_m).pose.point();
         let lane = self.lanes.at(center);

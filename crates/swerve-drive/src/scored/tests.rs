@@ -149,6 +149,20 @@ fn route_that_ends_half_way_is_half_complete_and_blocked_after_180_s() {
     assert_eq!(scores.leaderboard["2.1"].status, "Failed - Agent got blocked");
 }
 
+/// The ego leaves the route to the right at 300 m and stays beside it.
+#[test]
+fn ego_that_leaves_the_route_by_30_m_has_deviated() {
+    let scenario = scenario(RURAL);
+    let left_m = |way_m: f64| -(0.5 * (way_m - 300.0)).clamp(0.0, 40.0);
+    let scores = Posed { left_m: &left_m, ..Posed::along(&scenario, &|at_s| 10.0 * at_s) }.scores();
+    for version in ["1.0", "2.1"] {
+        let found = &scores.leaderboard[version];
+        assert_eq!(found.status, "Failed - Agent deviated from the route");
+        // 60 m after it has left the line, of 540 m.
+        assert!((found.route_completion - 360.0 / 540.0 * 100.0).abs() < 2.0, "{}", found.route_completion);
+    }
+}
+
 #[test]
 fn opposite_lane_counts_as_outside_and_the_own_one_does_not() {
     let scenario = scenario(RURAL);
