@@ -11,6 +11,7 @@ its lane. Road users wait beside the road, beyond the pavement, and end there: n
 
 Every scenario can be solved by a careful driver: when a road user reaches the ego's lane, an ego at the speed limit is
 at least the distance away in which it stops after 1 s of reaction with 4 m/s2, and 5 m more. `distance_m` is that rule.
+Vehicles that cross the ego's way in a junction have the right of way: they brake for nobody.
 """
 
 import math
@@ -281,7 +282,6 @@ ROUTES = [
             (crossing_pedestrian, 240, STREET),
             (hidden_pedestrian, 400, STREET),
             (lead_brakes, 450, STREET),
-            (crossing_at_right_turn, 809.2, (1, -1, 307.26), (14, -1)),
             (cyclist_after_turn, 832, ZONE),
             (oncoming_at_left_turn, 951.7, (15, 1, 125), (14, 1)),
             (hidden_pedestrian, 1080, ZONE),
@@ -299,7 +299,6 @@ ROUTES = [
             (crossing_cyclist, 600, STREET),
             (hidden_pedestrian, 790, OUTER),
             (crossing_cyclist, 940, PARKING),
-            (crossing_without_lights, 1002.1, (33, -1, 178), (34, -1)),
             (crossing_pedestrian, 1120, STREET),
             (crossing_cyclist, 1320, STREET),
             (cyclist_after_turn, 1429, STREET),
