@@ -1,12 +1,15 @@
 //! Metrics of a run, from the engine's events.
 
+use std::sync::Arc;
+
 use swerve_core::{Span, Time};
-use swerve_eval::{Evaluation, Metrics, Norm, Outline};
+use swerve_eval::{Directions, Evaluation, Metrics, Norm, Outline};
 use swerve_flow::{Event, Observer};
-use swerve_geom::{LineTracker, Point2, Pose2};
+use swerve_geom::{LineTracker, Point2, Pose2, angle_between};
+use swerve_map::{LanePlace, Map};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
-use swerve_scenario::{Road, Scenario};
+use swerve_scenario::{Course, Road, Scenario};
 use swerve_stack::pipeline::{Pipeline, Stack};
 use swerve_vehicle::Shape;
 
@@ -67,9 +70,26 @@ pub fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
-/// Speed that a scenario requires of its ego.
+/// Speed and lane that a scenario requires of its ego.
 pub fn norm(scenario: &Scenario) -> Norm {
-    Norm { target_speed_mps: Some(scenario.ego.target_speed_mps) }
+    let directions = match &scenario.road.course {
+        Course::Strip(_) => None,
+        Course::Map(course) => {
+            let map = Arc::clone(&course.map);
+            Some(Directions::new(move |point, heading_rad| is_against(&map, point, heading_rad)))
+        }
+    };
+    Norm { target_speed_mps: Some(scenario.ego.target_speed_mps), directions }
+}
+
+/// True for a point on drivable lanes that all lead against a heading.
+fn is_against(map: &Map, point: Point2, heading_rad: f64) -> bool {
+    let off_rad = |at: LanePlace| {
+        let lane = map.lane(at.lane).filter(|lane| lane.kind.is_drivable())?;
+        Some(angle_between(heading_rad, lane.line.at(at.place.s_m).pose.heading_rad).abs())
+    };
+    let least_rad = map.at(point).filter_map(off_rad).reduce(f64::min);
+    least_rad.is_some_and(|off_rad| off_rad > core::f64::consts::FRAC_PI_2)
 }
 
 impl Measured {

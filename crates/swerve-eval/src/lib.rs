@@ -58,7 +58,7 @@ pub use segmentation::{Confusion, UnknownClass};
 pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
-pub use traffic::{Norm, TrafficMetrics};
+pub use traffic::{Directions, Norm, TrafficMetrics};
 pub use trajectory::{
     Alignment, PoseErrors, SpacePose, TrajectoryErrors, absolute_errors, aligned, relative_errors,
 };

@@ -1,9 +1,13 @@
 //! Interaction with traffic: time to collision, time headway, use of the ground beside the own lane, speed above the
 //! target.
 //!
-//! The own lane is the strip of the lane's width around the route; the ground to the left of it counts as the opposite
-//! lane, whatever its direction. Projections to the route are searched near the previous one, so that a road may cross
+//! The own lane is the strip of the lane's width around the route. Without a map, the ground to the left of it is the
+//! opposite lane, and its borders are the lines. On a map, lanes have directions, and only lines that must not be crossed
+//! count. Projections to the route are searched near the previous one, so that a road may cross
 //! itself.
+
+use core::fmt;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
@@ -26,11 +30,36 @@ const TTC_MAX_S: f64 = 100.0;
 /// Minimum speed of the ego for a headway, m/s.
 const STANDS_MPS: f64 = 0.1;
 
-/// Speed that the ego is to keep, if known.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
+/// Speed and lane that the ego is to keep, if known.
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Norm {
     /// Target speed, m/s.
     pub target_speed_mps: Option<f64>,
+    /// Directions of the lanes of a map.
+    pub directions: Option<Directions>,
+}
+
+/// Directions of the lanes of a map: true for a point on lanes that all lead against a heading.
+#[derive(Clone)]
+pub struct Directions(Arc<dyn Fn(Point2, f64) -> bool + Send + Sync>);
+
+impl Directions {
+    /// Directions by a function of a point and a heading in radians.
+    pub fn new(is_against: impl Fn(Point2, f64) -> bool + Send + Sync + 'static) -> Self {
+        Self(Arc::new(is_against))
+    }
+}
+
+impl PartialEq for Directions {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl fmt::Debug for Directions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Directions")
+    }
 }
 
 /// Metrics of interaction with traffic, until the first contact.
@@ -56,11 +85,12 @@ pub struct TrafficMetrics {
     /// Instant of that headway, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_headway_at_s: Option<f64>,
-    /// Path length of the ego origin while part of the outline was outside the own lane, on either side, metres. Absent
-    /// if the lane is not known.
+    /// Path length of the ego origin while part of the outline was outside the own lane, on either side, metres; on a
+    /// map, while it was beyond a line that must not be crossed. Absent if the lane is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_over_line_m: Option<f64>,
-    /// Time in which part of the outline was to the left of the own lane, seconds.
+    /// Time in which part of the outline was to the left of the own lane, seconds; on a map, on a lane to the left that
+    /// leads against the route.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_in_oncoming_lane_s: Option<f64>,
     /// Maximum excess of the speed over the target speed, m/s; zero if never above. Absent if no target speed is known.
@@ -152,13 +182,23 @@ impl Traffic {
         let has_lines =
             |at: &FrenetPoint| !route.stretch_at(at.s_m).is_some_and(|stretch| stretch.in_junction);
         let lined = || corners.iter().filter(|at| has_lines(at));
-        let is_left = lined().any(|at| at.d_m > route.lane().left_m(at.s_m));
-        let is_outside = is_left || lined().any(|at| at.d_m < -route.lane().right_m(at.s_m));
+        let is_map = !route.stretches().is_empty();
+        let is_left = |at: &&FrenetPoint| at.d_m > route.lane().left_m(at.s_m);
+        let is_against = |at: &FrenetPoint| {
+            let heading_rad = route.line().at(at.s_m).pose.heading_rad;
+            let is_against = |all: &Directions| (all.0)(route.unproject(*at), heading_rad);
+            self.norm.directions.as_ref().is_none_or(is_against)
+        };
+        let is_oncoming = lined().filter(is_left).any(is_against);
+        let lines = if is_map { route.between_lines() } else { Some(route.lane()) };
+        let is_outside = lines.is_some_and(|lines| {
+            lined().any(|at| at.d_m > lines.left_m(at.s_m) || at.d_m < -lines.right_m(at.s_m))
+        });
         let (since, from) = self.last.unwrap_or((world.stamp, world.ego.state.pose.point()));
         let over_m = self.figures.distance_over_line_m.get_or_insert(0.0);
         *over_m += if is_outside { from.distance(world.ego.state.pose.point()) } else { 0.0 };
         let oncoming_s = self.figures.time_in_oncoming_lane_s.get_or_insert(0.0);
-        *oncoming_s += if is_left { (world.stamp - since).as_secs() } else { 0.0 };
+        *oncoming_s += if is_oncoming { (world.stamp - since).as_secs() } else { 0.0 };
         if route.lane().contains(place) && world.ego.state.speed_mps > STANDS_MPS {
             self.headway(world, place.s_m, route);
         }
@@ -194,14 +234,14 @@ mod tests {
     use super::*;
     use crate::verdict::tests::{actor, world};
     use swerve_geom::{Polyline, Pose2, Vector};
-    use swerve_map::Borders;
+    use swerve_map::{Borders, Lane, LaneId, LaneMarks, Map, Mark, MarkKind, Neighbour};
 
     /// The outline's centre is the origin: the front is 2.5 m ahead of it.
     const EGO: Outline = Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 0.0 };
 
     fn traffic() -> Traffic {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(900.0, 0.0)]).unwrap();
-        let norm = Norm { target_speed_mps: Some(10.0) };
+        let norm = Norm { target_speed_mps: Some(10.0), ..Norm::default() };
         let route = Route::uniform(line, 6.0, 2.0).in_lane(Borders::constant(2.0, 2.0));
         Traffic::new(EGO, Some(route), norm)
     }
@@ -290,6 +330,39 @@ mod tests {
         assert!((found.time_in_oncoming_lane_s.unwrap() - 0.2).abs() < 1e-9, "{found:?}");
         assert!((found.distance_over_line_m.unwrap() - wanted_m).abs() < 1e-9, "{found:?}");
         assert_eq!(found.min_headway_s, None, "nobody is ahead");
+    }
+
+    #[test]
+    fn lanes_of_a_map_have_directions_and_lines_that_may_be_crossed() {
+        let lane = |id: u32, y_m: f64, turned: bool| {
+            let ends = if turned { [900.0, 0.0] } else { [0.0, 900.0] };
+            let line = Polyline::new(&ends.map(|x_m| Point2::new(x_m, y_m))).unwrap();
+            Lane::new(LaneId(id), line, Borders::constant(2.0, 2.0))
+        };
+        let beside = |id: u32, opposite: bool| Some(Neighbour { lane: LaneId(id), opposite });
+        // From right to left: the route, a lane in its direction behind a broken line, one against it behind a solid one.
+        let (mut own, mut middle, mut left) = (lane(0, 0.0, false), lane(1, 4.0, false), lane(2, 8.0, true));
+        (own.left, middle.right) = (beside(1, false), beside(0, false));
+        (middle.left, left.left) = (beside(2, true), beside(1, true));
+        let mark = |kind| vec![Mark::new(0.0, kind)];
+        own.marks = LaneMarks::new(mark(MarkKind::Broken), Vec::new()).unwrap();
+        middle.marks = LaneMarks::new(mark(MarkKind::Solid), mark(MarkKind::Broken)).unwrap();
+        left.marks = LaneMarks::new(mark(MarkKind::Solid), Vec::new()).unwrap();
+        let map = Map::new(vec![own, middle, left]).unwrap();
+        let route = Route::along(&map, &[LaneId(0)]).unwrap();
+        let directions = Directions::new(|point, heading_rad| point.y_m > 6.0 && heading_rad.abs() < 1.0);
+        let norm = Norm { target_speed_mps: None, directions: Some(directions) };
+        let metrics = |d_m: f64| {
+            let mut drive = Traffic::new(EGO, Some(route.clone()), norm.clone());
+            for k in 0..=100_i64 {
+                drive.take(&at(50 * k, (10.0 + 0.5 * k as f64, d_m), 10.0, Vec::new()));
+            }
+            let found = drive.metrics();
+            (found.distance_over_line_m.unwrap(), found.time_in_oncoming_lane_s.unwrap())
+        };
+        assert_eq!(metrics(4.0), (0.0, 0.0));
+        let (over_m, oncoming_s) = metrics(5.5);
+        assert!((over_m - 50.0).abs() < 1e-9 && (oncoming_s - 5.0).abs() < 1e-9, "{over_m} {oncoming_s}");
     }
 
     #[test]

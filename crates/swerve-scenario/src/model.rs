@@ -389,6 +389,14 @@ impl Scenario {
         self.expect.iter().filter_map(told).collect()
     }
 
+    /// Number of road users of the traffic for which there was no place, once it is placed; 0 before that.
+    pub fn left_out(&self) -> usize {
+        let Some(traffic) = self.traffic.filter(|traffic| traffic.seed.is_some()) else { return 0 };
+        let ids = traffic.first_id.0..traffic.first_id.0 + traffic.count() as u32;
+        let placed = self.actors.iter().filter(|actor| ids.contains(&actor.id.0)).count();
+        traffic.count() - placed
+    }
+
     /// Facts in which a drive differs from the world that the scenario describes.
     pub fn warnings(&self) -> Vec<String> {
         let warning = match &self.road.course {

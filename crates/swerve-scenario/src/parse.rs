@@ -162,7 +162,10 @@ fn traffic(top: &TableReader<'_>, first_id: ActorId) -> Option<Traffic> {
     let (vehicles, pedestrians, cyclists) = (count("vehicles"), count("pedestrians"), count("cyclists"));
     let traffic = Traffic { vehicles, pedestrians, cyclists, first_id, seed: None };
     if traffic.count() > TRAFFIC_MAX as usize {
-        table.report_whole(format!("expected at most {TRAFFIC_MAX} road users, found {}", traffic.count()));
+        table.report_whole(format!(
+            "expected at most {TRAFFIC_MAX} road users in total, found {}",
+            traffic.count()
+        ));
     }
     if !top.has("map") {
         table.report_whole("expected a scenario on a `[map]`");

@@ -193,7 +193,8 @@ impl Car {
         let &(lane, begin_m) = on.unwrap_or(&self.way[0]);
         let at = net.lane(lane).line.at(x_m - begin_m).pose;
         let (d_m, rate_mps) = self.lateral(dt_s);
-        let (ahead, left) = (at.direction(), at.direction().left());
+        let ahead = at.direction();
+        let left = ahead.left();
         let point = at.point() + left * d_m;
         // A vehicle at rest does not slide sideways; one that moves heads where it goes.
         let rate_mps = if speed_mps > 1.0 { rate_mps } else { 0.0 };

@@ -8,7 +8,7 @@ use crate::junction::Junctions;
 /// Deceleration that drivers count on, of others and of themselves, m/s².
 const BRAKE_MAX_MPS2: f64 = 8.0;
 /// Deceleration in an emergency, on a dry road, m/s². No vehicle brakes harder: who is cut off hits the other.
-pub(crate) const EMERGENCY_MPS2: f64 = 9.0;
+const EMERGENCY_MPS2: f64 = 9.0;
 /// Gap that is kept in any case, metres.
 const GAP_MIN_M: f64 = 0.5;
 /// Gap at standstill before a place to stop at, metres.

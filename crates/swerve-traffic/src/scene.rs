@@ -69,12 +69,7 @@ impl Scene {
         let is_listed = |lane: usize| has_zones(lane) || net.lane(lane).before.iter().any(|k| has_zones(*k));
         let is_listed = (0..net.lanes.len()).map(is_listed).collect();
         let count = net.lanes.len();
-        Self {
-            on: vec![Vec::new(); count],
-            coming: vec![Vec::new(); count],
-            is_listed,
-            ..Self::default()
-        }
+        Self { on: vec![Vec::new(); count], coming: vec![Vec::new(); count], is_listed, ..Self::default() }
     }
 
     /// Enters all vehicles.

@@ -12,6 +12,7 @@ use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
+use swerve_stack::pipeline::drawn;
 use swerve_study::Bench;
 use swerve_text::{Document, Problem, Problems};
 
@@ -131,6 +132,14 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
                 old.iter().for_each(|old| tell(&format!("note: {}: {old}", path.display())));
                 let warnings = scenario.warnings();
                 warnings.iter().for_each(|one| tell(&format!("warning: {}: {one}", path.display())));
+                if let Some(traffic) = scenario.traffic {
+                    let left_out = drawn(&Setup::default(), &scenario).left_out();
+                    if left_out > 0 {
+                        let count = traffic.count();
+                        let what = format!("traffic: no place for {left_out} of {count} road users (seed 0)");
+                        tell(&format!("warning: {}: {what}", path.display()));
+                    }
+                }
                 Vec::new()
             }
             Err(error) => error.to_string().lines().map(str::to_owned).collect(),

@@ -15,6 +15,7 @@ use swerve_msg::Refusals;
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
+use swerve_stack::pipeline::drawn;
 
 /// Punctuality of an operator's timers under wall clock.
 #[derive(Serialize, Clone, Debug)]
@@ -41,6 +42,9 @@ pub struct Summary {
     /// True if the scenario's `[expect]` for this pipeline is met; null if it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
+    /// Number of road users of the traffic for which there was no place; null without traffic.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    road_users_left_out: Option<usize>,
     /// Under recorded run times: number of run times drawn because there was no record.
     unrecorded: u64,
     /// Punctuality of the timers under wall clock, by operator.
@@ -91,6 +95,7 @@ impl Summary {
             adapter_lost: outcome.rendered.as_ref().and_then(|r| r.fell_back.clone()),
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
+            road_users_left_out: scenario.traffic.map(|_| drawn(config, scenario).left_out()),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             realtime: None,
@@ -154,6 +159,9 @@ impl Summary {
                 count => format!(", the first of {count} collisions"),
             };
             row("others", first.words() + &more);
+        }
+        if let Some(count) = self.road_users_left_out.filter(|count| *count > 0) {
+            row("left out", format!("{count} road users of the traffic, for which there is no place"));
         }
         let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
         row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));

@@ -1,8 +1,8 @@
 //! Contacts in a step.
 
 use swerve_geom::Obb;
-use swerve_msg::{ActorId, ActorKind};
 use swerve_msg::truth::{Actor, Collision};
+use swerve_msg::{ActorId, ActorKind};
 
 use super::{Before, Simulator};
 use crate::bodies::{self, Mode};

@@ -55,11 +55,9 @@ fn collision_of_others_names_both_and_does_not_end_the_run() {
 }
 
 #[test]
-fn people_collide_with_each_other_and_with_cars() {
+fn people_collide_with_cars_but_not_with_each_other() {
     let people = walker("a", 5.0, 1.0, "left") + &walker("b", 9.0, 1.5, "right");
-    let [hit] = &of_a_drive(&beside(&people))[..] else { panic!("one collision") };
-    assert!((hit.stamp.as_secs() - 3.5 / 2.5).abs() < 0.0051, "{hit:?}");
-    assert!((hit.closing_speed_mps - 2.5).abs() < 1e-6, "{hit:?}");
+    assert_eq!(of_a_drive(&beside(&people)), []);
     let by_car = CAR.replace("60.0", "90.0") + &walker("b", 9.0, 1.5, "right");
     let [hit] = &of_a_drive(&beside(&by_car))[..] else { panic!("one collision") };
     assert!((hit.stamp.as_secs() - 1.75 / 1.5).abs() < 0.0051, "{hit:?}");

@@ -81,3 +81,34 @@ fn vehicle_of_the_traffic_that_is_hit_moves_by_physics() {
     let rest_mps = sim.state().actor(hit).unwrap().velocity_mps.norm();
     assert!(rest_mps < 0.1, "friction brings it to rest, not its driver on its way: {rest_mps}");
 }
+
+#[test]
+fn road_users_without_a_place_are_counted() {
+    let scenario = crossing(300, 0);
+    let placed = with_traffic(scenario.clone(), &at_hz(200).vehicle.shape, 1);
+    assert!(placed.left_out() > 50, "{}", placed.left_out());
+    assert_eq!(placed.left_out() + placed.actors.len(), 300);
+    assert_eq!(scenario.left_out(), 0, "not placed yet");
+    assert_eq!(scenario.old_verdicts(), Vec::<String>::new());
+}
+
+#[test]
+fn traffic_keeps_away_from_a_closed_place_of_the_scenario() {
+    let scenario = crossing(20, 0);
+    let text = scenario
+        .text
+        .replace("[traffic]", "[[map.closure]]\nat = { road = \"1\", lane = 1, s_m = 40.0 }\n[traffic]");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/test.toml");
+    let closed = Scenario::parse(file, &text).unwrap_or_else(|problems| panic!("{problems}"));
+    let Course::Map(course) = &closed.road.course else { panic!("a map") };
+    let closure = course.closures[0].at;
+    let lane = course.map.lane(closure.lane).unwrap();
+    let at = lane.line.at(closure.s_m).pose.point();
+    let passes = |scenario: &Scenario| {
+        let mut sim = with_seed(scenario, 3);
+        let states = standing(&mut sim);
+        let is_there = |actor: &Actor| actor.pose.point().distance(at) < 1.5;
+        states.iter().any(|state| state.actors.iter().any(is_there))
+    };
+    assert!(passes(&scenario) && !passes(&closed));
+}

@@ -76,8 +76,7 @@ fn car_behind_a_slow_ego_begins_at_a_speed_from_which_it_follows() {
     let ego = other(lane.line.at(200.0).pose, 5.0);
     for seed in 0..5 {
         let lights = Lights::new(|_, _| swerve_map::Aspect::Off);
-        let mut traffic =
-            Traffic::among(map.clone(), &setup, lights, seed, &[(ego.body, ego.velocity_mps)]);
+        let mut traffic = Traffic::among(map.clone(), &setup, lights, seed, &[(ego.body, ego.velocity_mps)]);
         for k in 1..200 {
             let now = Time::ZERO + Span::from_ms(100) * k;
             let mut ego = ego;

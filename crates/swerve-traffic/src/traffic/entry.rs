@@ -44,7 +44,8 @@ impl Traffic {
                 let mut rng = Rng::keyed(self.seed, name, &[car.key, 0]);
                 let taken = Taken { bodies: &bodies, reserved, reserve_m: setup.reserve_m };
                 let entries = &self.entries[usize::from(cycles)];
-                let Some((lane, s_m, pose)) = entries.place(&self.net, &car, (&mut rng, &taken, AT_START_M), |_, _| true)
+                let Some((lane, s_m, pose)) =
+                    entries.place(&self.net, &car, (&mut rng, &taken, AT_START_M), |_, _| true)
                 else {
                     self.counts.left_out += 1;
                     continue;
@@ -84,9 +85,8 @@ impl Traffic {
             }
         }
         let desired_mps = car.desired_mps(&self.net, self.setup.drivers.brake_mps2);
-        let from_mps = |there_mps: f64, free_m: f64| {
-            (there_mps * there_mps + 2.0 * BRAKE_MPS2 * free_m.max(0.0)).sqrt()
-        };
+        let from_mps =
+            |there_mps: f64, free_m: f64| (there_mps * there_mps + 2.0 * BRAKE_MPS2 * free_m.max(0.0)).sqrt();
         let behind_mps = lead.map_or(f64::INFINITY, |lead| from_mps(lead.speed_mps, lead.gap_m - 3.0));
         self.cars[who].speed_mps = desired_mps.min(from_mps(0.0, free_m)).min(behind_mps);
     }

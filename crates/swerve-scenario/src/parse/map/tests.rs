@@ -232,7 +232,10 @@ fn traffic_has_identities_after_the_actors_and_before_other_egos() {
     assert_eq!(egos.egos(), [(ActorId::EGO, "a"), (ActorId(27), "b")]);
     for (wrong, expected) in [
         ("vehicles = -1", "traffic.vehicles: expected a whole number from 0 to 2000"),
-        ("vehicles = 1500\npedestrians = 501", "traffic: expected at most 2000 road users, found 2001"),
+        (
+            "vehicles = 1500\npedestrians = 501",
+            "traffic: expected at most 2000 road users in total, found 2001",
+        ),
         ("cars = 5", "traffic.cars: unknown key"),
     ] {
         let found = parsed("crossing.xodr", &both, &format!("[traffic]\n{wrong}\n")).unwrap_err();
