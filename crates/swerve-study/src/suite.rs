@@ -4,6 +4,7 @@
 //! code.
 
 mod leaderboard;
+mod nhtsa;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -31,7 +32,7 @@ use crate::{Bench, Driven, How, finish};
 #[derive(clap::Args, Debug)]
 pub struct SuiteArgs {
     /// Scenario files (TOML), folders of them, or names of built-in ones, such as lane or the folder everyday [default:
-    /// all built-in ones without routes; with --rules leaderboard those in routes]
+    /// all built-in ones without routes; with --rules those in routes or nhtsa]
     #[arg(value_name = "SCENARIO|DIR")]
     scenarios: Vec<PathBuf>,
     /// Configuration file (TOML), or the name of a built-in one, such as paper; several: the later over the earlier
@@ -42,7 +43,7 @@ pub struct SuiteArgs {
     set: Vec<String>,
     #[command(flatten)]
     code: CodeArgs,
-    /// Rules of a benchmark, by which the drives are scored, in place of the scenarios' expectations
+    /// Rules of a benchmark
     #[arg(long, value_enum, conflicts_with = "strict")]
     rules: Option<Rules>,
     /// Version of the Leaderboard whose score is printed
@@ -51,8 +52,8 @@ pub struct SuiteArgs {
     /// Print one JSON object and nothing else
     #[arg(long, requires = "rules")]
     json: bool,
-    /// Seeds for every scenario: 1..20 including both ends, or 1,5,7 [default: 1..3]; with --rules also their number:
-    /// 5 is 0..4 [default: 0]
+    /// Seeds for every scenario: 1..20 including both ends, or 1,5,7 [default: 1..3]; with --rules also their number: 5 is
+    /// 0..4 [default: 0; for nhtsa 0..9]
     #[arg(long)]
     seeds: Option<Seeds>,
     #[command(flatten)]
@@ -75,6 +76,8 @@ pub struct SuiteArgs {
 enum Rules {
     /// CARLA Leaderboard: routes in traffic; a drive goes on after a collision and ends when it is blocked for 180 s
     Leaderboard,
+    /// NHTSA's pre-crash types: each drive is compared with its scenario's expectations
+    Nhtsa,
 }
 
 /// Seeds from the command line.
@@ -126,6 +129,7 @@ impl Seeds {
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     match args.rules {
         Some(Rules::Leaderboard) => leaderboard::run(args, registry),
+        Some(Rules::Nhtsa) => nhtsa::run(args, registry),
         None => run_expected(args, registry),
     }
 }
@@ -137,7 +141,6 @@ fn run_expected(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
         false => args.scenarios.clone(),
     };
     let seeds = args.seeds.as_ref().map_or_else(|| (1..=3).collect(), |seeds| seeds.each.clone());
-    let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
     let steps = named_scenarios(&given)?.into_iter().map(of_scenario).collect();
     let (study, driven) = drive(args, registry, steps, &seeds)?;
     let count = Count::of(&driven.0);
@@ -150,6 +153,11 @@ fn run_expected(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
         count.held()
     );
     Ok(())
+}
+
+/// Step of a scenario as it is.
+fn of_scenario((label, path): (String, PathBuf)) -> Step {
+    Step { label, scenario: Some(path), ..Step::default() }
 }
 
 /// Drives the scenarios of these steps with these seeds; returns the study with its results.
