@@ -9,18 +9,24 @@ use crate::draft::{Center, Draft, Drafts, marks_along};
 use crate::import::Gap;
 use crate::joints::close;
 use crate::opendrive::LENGTH_MAX_M;
+use crate::slope::Profile;
 use crate::strip::{centered, dense, is_swapped, length_m, measured, middles, rounded};
 use crate::xml::{Element, Reader};
 
 /// Most vertices of a map.
 const VERTICES_MAX: usize = 3_000_000;
 
-/// Makes the map, and lists the gaps between lane ends. `None` after faults.
-pub(crate) fn assemble(
-    xml: &mut Reader,
-    mut drafts: Drafts<'_>,
-    root: Element<'_>,
-) -> Option<(Map, Vec<Gap>)> {
+/// Map of the lanes of a file, and what the file says about them.
+pub(crate) struct Assembled {
+    pub(crate) map: Map,
+    /// Gaps between lane ends.
+    pub(crate) gaps: Vec<Gap>,
+    /// Slopes of lanes that are not level.
+    pub(crate) profiles: BTreeMap<LaneId, Profile>,
+}
+
+/// Makes the map. `None` after faults.
+pub(crate) fn assemble(xml: &mut Reader, mut drafts: Drafts<'_>, root: Element<'_>) -> Option<Assembled> {
     let along_m: f64 = drafts.values().map(|draft| length_m(&draft.left).max(length_m(&draft.right))).sum();
     if along_m > LENGTH_MAX_M {
         xml.fault(root, || {
@@ -43,6 +49,11 @@ pub(crate) fn assemble(
         centers.insert(*id, center);
     }
     drafts.retain(|id, _| centers.contains_key(id));
+    let profile = |(id, draft): (&LaneId, &Draft<'_>)| {
+        let [left, right] = draft.raised.as_ref()?;
+        Some((*id, Profile::between(left, right)?))
+    };
+    let profiles = drafts.iter().filter_map(profile).collect();
     neighbours(xml, &mut drafts);
     let gaps = close(&mut drafts, &mut centers);
     let (mut lanes, mut vertices) = (Vec::new(), 0);
@@ -59,7 +70,7 @@ pub(crate) fn assemble(
         lanes.extend(lane(xml, *id, draft, &center));
     }
     match Map::new(lanes) {
-        Ok(map) => Some((map, gaps)),
+        Ok(map) => Some(Assembled { map, gaps, profiles }),
         Err(error) => {
             xml.fault(root, || error.to_string());
             None

@@ -2,7 +2,7 @@
 //!
 //! **Read.** Lanelets: bounds, predecessors, successors, adjacent lanelets, type, speed limit, stop line. Traffic lights
 //! with their cycles, traffic signs, intersections as junctions, lanelets for pedestrians across a road as crossings.
-//! Obstacles and planning problems belong to scenarios and are skipped. Heights are read and not part of the flat map.
+//! Obstacles and planning problems belong to scenarios and are skipped. Heights are slopes beside the flat map.
 //!
 //! **Lanes.** The identity of a lane is that of its lanelet. Its centre line runs through the middles of pairs of points
 //! of the bounds. A link that only one of two lanelets names counts for both.
@@ -15,7 +15,7 @@ mod rules;
 
 use std::collections::BTreeSet;
 
-use crate::assemble::{assemble, with_features};
+use crate::assemble::{Assembled, assemble, with_features};
 use crate::content::all;
 use crate::lane_map::LaneMap;
 use crate::problem::{Problems, quoted};
@@ -76,12 +76,14 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
     let (drafts, statements) = lanelets.resolved(&mut xml, root);
     let names = drafts.iter().map(|(id, draft)| (*id, draft.name.clone())).collect();
     let made = if xml.faults() == 0 { assemble(&mut xml, drafts, root) } else { None };
-    let made = made.and_then(|(map, gaps)| {
+    let made = made.and_then(|Assembled { map, gaps, profiles }| {
         let features = features::features(&map, &rules, &statements);
-        Some((with_features(&mut xml, map, features, root)?, gaps))
+        Some((with_features(&mut xml, map, features, root)?, gaps, profiles))
     });
     let (faults, defects, unknown) = xml.finish(file, text);
-    let Some((map, gaps)) = made.filter(|_| faults.count() == 0) else { return Err(faults.with(&defects)) };
+    let Some((map, gaps, profiles)) = made.filter(|_| faults.count() == 0) else {
+        return Err(faults.with(&defects));
+    };
     let mut lanes = LaneMap {
         format: format!("CommonRoad {version}").trim_end().to_owned(),
         map,
@@ -89,6 +91,7 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
         types,
         contents,
         heights_m,
+        profiles,
         gaps,
         defects,
         unknown,

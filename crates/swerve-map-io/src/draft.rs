@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use swerve_geom::{FrenetPoint, Point2};
 use swerve_map::{Lane, LaneId, LaneKind, LaneMarks, Mark, Neighbour};
 
+use crate::slope::Raised;
 use crate::xml::Element;
 
 /// Width of a line that a file calls wide, metres: that of a wide line on German roads (RMS-1).
@@ -32,6 +33,8 @@ pub(crate) struct Draft<'a> {
     /// Borders in the direction of travel.
     pub(crate) left: Vec<Point2>,
     pub(crate) right: Vec<Point2>,
+    /// Both borders with heights, if the file has those of all their points.
+    pub(crate) raised: Option<[Raised; 2]>,
     pub(crate) center: Center,
     /// Marks of the left and right border, each along the whole lane.
     pub(crate) marks: [Option<Mark>; 2],

@@ -6,6 +6,7 @@ use swerve_map::{LaneId, Map};
 
 use crate::import::Gap;
 use crate::problem::Problems;
+use crate::slope::Profile;
 
 /// A lane map read from a file, and what the file has beside it.
 #[derive(Clone, PartialEq, Debug)]
@@ -22,6 +23,8 @@ pub struct LaneMap {
     pub contents: BTreeMap<String, usize>,
     /// Lowest and highest z of the file, metres; `None` if it has no heights.
     pub heights_m: Option<[f64; 2]>,
+    /// Slopes of the lanes that are not level and whose heights the file has.
+    pub profiles: BTreeMap<LaneId, Profile>,
     /// Lane ends that the file links and that are apart.
     pub gaps: Vec<Gap>,
     /// Problems that leave the geometry as it is.

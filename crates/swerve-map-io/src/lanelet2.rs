@@ -35,7 +35,7 @@ use std::collections::BTreeMap;
 
 use swerve_map::LaneId;
 
-use crate::assemble::{assemble, with_features};
+use crate::assemble::{Assembled, assemble, with_features};
 use crate::draft::Drafts;
 use crate::lane_map::LaneMap;
 use crate::problem::Problems;
@@ -80,13 +80,15 @@ pub fn read(file: &str, text: &str) -> Result<Lanelet2, Problems> {
         lanes.into_iter().enumerate().map(|(k, lane)| (lanelets::lane_id(k), lane.draft)).collect();
     let names = drafts.iter().map(|(id, draft)| (*id, draft.name.clone())).collect();
     let made = if xml.faults() == 0 { assemble(&mut xml, drafts, root) } else { None };
-    let made = made.and_then(|(map, gaps)| {
+    let made = made.and_then(|Assembled { map, gaps, profiles }| {
         let lanes = Lanes::new(&osm, &map, &of_lanes);
         let features = features::features(&mut xml, &osm, &map, &rules, &lanes);
-        Some((with_features(&mut xml, map, features, root)?, gaps))
+        Some((with_features(&mut xml, map, features, root)?, gaps, profiles))
     });
     let (faults, defects, unknown) = xml.finish(file, text);
-    let Some((map, gaps)) = made.filter(|_| faults.count() == 0) else { return Err(faults.with(&defects)) };
+    let Some((map, gaps, profiles)) = made.filter(|_| faults.count() == 0) else {
+        return Err(faults.with(&defects));
+    };
     let heights = osm.nodes.values().filter_map(|node| node.z_m);
     let heights_m = heights.fold(None, |range: Option<[f64; 2]>, z_m| {
         let [low, high] = range.unwrap_or([z_m, z_m]);
@@ -94,7 +96,8 @@ pub fn read(file: &str, text: &str) -> Result<Lanelet2, Problems> {
     });
     let format = if osm.origin_deg.is_some() { "Lanelet2" } else { "Lanelet2, local coordinates" }.to_owned();
     let contents = rules.counts;
-    let mut lanes = LaneMap { format, map, names, types, contents, heights_m, gaps, defects, unknown };
+    let mut lanes =
+        LaneMap { format, map, names, types, contents, heights_m, profiles, gaps, defects, unknown };
     lanes.names.retain(|lane, _| lanes.map.lane(*lane).is_some());
     Ok(Lanelet2 { lanes, origin_deg: osm.origin_deg })
 }

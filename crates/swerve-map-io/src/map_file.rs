@@ -13,7 +13,7 @@ use crate::import::{LaneSource, import};
 use crate::lane_map::LaneMap;
 use crate::links::Links;
 use crate::opendrive::Network;
-use crate::slope::Slopes;
+use crate::slope::{Profile, Slopes};
 use crate::{lanelet2, route, sumo};
 
 /// A map read from a file of any format.
@@ -29,8 +29,8 @@ pub struct MapFile {
 enum Names {
     /// Roads, lane sections and lanes of OpenDRIVE.
     Roads(Box<Network>, Vec<LaneSource>),
-    /// Names of lanes, and the lowest and highest z of the file, metres.
-    Lanes(BTreeMap<LaneId, String>, Option<[f64; 2]>),
+    /// Names of lanes, and the slopes of those that are not level.
+    Lanes(BTreeMap<LaneId, String>, BTreeMap<LaneId, Profile>),
 }
 
 impl MapFile {
@@ -45,8 +45,8 @@ impl MapFile {
             Format::Lanelet2 => lanelet2::read(file, text).map(|read| read.lanes),
             Format::Sumo => sumo::read(file, text).map(|read| read.lanes),
         };
-        let LaneMap { map, names, heights_m, .. } = lanes.map_err(|problems| problems.to_string())?;
-        Ok(Self { map: Arc::new(map), names: Names::Lanes(names, heights_m) })
+        let LaneMap { map, names, profiles, .. } = lanes.map_err(|problems| problems.to_string())?;
+        Ok(Self { map: Arc::new(map), names: Names::Lanes(names, profiles) })
     }
 
     fn of_network(file: &str, text: &str) -> Result<Self, String> {
@@ -98,24 +98,27 @@ impl MapFile {
         }
     }
 
-    /// Largest slopes of parts of lanes, each between two arc lengths. Of OpenDRIVE only: other maps have no heights.
+    /// Largest slopes of parts of lanes, each between two arc lengths. Lanes without heights have none, and those of SUMO
+    /// have no bank.
     pub fn slopes(&self, parts: impl IntoIterator<Item = (LaneId, [f64; 2])>) -> Slopes {
         let mut slopes = Slopes::default();
-        let Names::Roads(network, lanes) = &self.names else { return slopes };
         for (id, part_m) in parts {
-            let (Some(source), Some(lane)) = (lanes.get(id.0 as usize), self.map.lane(id)) else { continue };
+            let Some(lane) = self.map.lane(id) else { continue };
             let length_m = lane.line.length();
-            slopes.add(network, source, part_m.map(|s_m| (s_m / length_m).clamp(0.0, 1.0)));
+            let shares = part_m.map(|s_m| (s_m / length_m).clamp(0.0, 1.0));
+            match &self.names {
+                Names::Roads(network, lanes) => {
+                    let source = lanes.get(id.0 as usize);
+                    source.into_iter().for_each(|source| slopes.add(network, source, shares));
+                }
+                Names::Lanes(names, profiles) => {
+                    if let (Some(name), Some(profile)) = (names.get(&id), profiles.get(&id)) {
+                        slopes.add_profile(profile, (name, length_m), shares);
+                    }
+                }
+            }
         }
         slopes
-    }
-
-    /// Lowest and highest z of a file whose slopes are unknown, metres.
-    pub fn heights_m(&self) -> Option<[f64; 2]> {
-        match &self.names {
-            Names::Roads(..) => None,
-            Names::Lanes(_, heights_m) => *heights_m,
-        }
     }
 
     /// Place on the driving lane that is nearest to a point; of several lanes there, on the one whose direction differs

@@ -1,7 +1,12 @@
 //! Grade and bank of lanes, which the flat projection of a map leaves out.
 
+mod profile;
+
 use crate::import::LaneSource;
 use crate::opendrive::Network;
+
+pub use profile::{Piece, Profile};
+pub(crate) use profile::{Raised, raised, raised_borders};
 
 /// Largest distance of two samples along a road, metres: the length of a car, over which bumps even out.
 const STEP_M: f64 = 5.0;
@@ -21,9 +26,9 @@ pub struct Slope {
     /// Height over distance in the ground plane: positive uphill in the direction of travel, or with the left border
     /// over the right one.
     pub slope: f64,
-    /// Identity of the road.
+    /// Identity of the road of OpenDRIVE; the name of the lane in files of other formats.
     pub road: String,
-    /// Place along the road, metres.
+    /// Place along the road, or along the lane, metres.
     pub s_m: f64,
 }
 
@@ -32,7 +37,7 @@ pub struct Slope {
 pub struct Slopes {
     /// Along the lanes; `None` on flat roads.
     pub grade: Option<Slope>,
-    /// Across the lanes; `None` on flat roads.
+    /// Across the lanes; `None` on flat roads, and where the file has no heights of borders.
     pub bank: Option<Slope>,
 }
 
@@ -65,6 +70,18 @@ impl Slopes {
                 keep(&mut self.bank, slope, found);
             }
             last = Some(here);
+        }
+    }
+
+    /// Adds a part of a lane with a name, between shares of its length.
+    pub(crate) fn add_profile(&mut self, profile: &Profile, (name, length_m): (&str, f64), shares: [f64; 2]) {
+        for (share, Piece { grade, bank }) in profile.over(shares) {
+            let found = |slope: f64| Slope { slope, road: name.to_owned(), s_m: share * length_m };
+            for (largest, slope) in [(&mut self.grade, Some(grade)), (&mut self.bank, bank)] {
+                if let Some(slope) = slope.filter(|slope| slope.abs() > SAME) {
+                    keep(largest, slope, found);
+                }
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Reader of SUMO's road networks (`.net.xml`), as netconvert and netedit write them.
 //!
 //! **Read.** Lanes of edges with shape, width, speed and permissions; lanes inside junctions; connections; junctions with
-//! their rights of way; traffic lights with their programs; crossings and walking areas. Heights are read and not part
-//! of the flat map. Railways and waterways are left out.
+//! their rights of way; traffic lights with their programs; crossings and walking areas. Heights are grades
+//! beside the flat map. Railways and waterways are left out.
 //!
 //! **Frame.** The coordinates of the file less its `netOffset`: those of the projection. SUMO itself, and TraCI, use the
 //! coordinates of the file.
@@ -145,7 +145,9 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     let programs: Vec<Program> = programs.into_iter().map(|(_, program)| program).collect();
     let stop_lines = rules::stop_lines(&edges, &connections, &lights);
     let signals = lights.into_signals();
-    let Edges { lanes, names, sources, crossings, areas, types, left_out, heights_m, edges, .. } = edges;
+    let Edges {
+        lanes, names, sources, crossings, areas, types, left_out, heights_m, profiles, edges, ..
+    } = edges;
     let features = Features { junctions, signals, stop_lines, crossings, areas };
     let map = match Map::with_features(lanes, features) {
         Ok(map) => map,
@@ -172,6 +174,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
             .map(|(name, count)| (name.to_owned(), count))
             .collect(),
         heights_m,
+        profiles,
         gaps,
         defects: Problems::default(),
         unknown: BTreeMap::new(),

@@ -66,12 +66,17 @@ pub(crate) fn scenario_maps() -> PathBuf {
 
 /// All OpenDRIVE files below a folder, in order.
 pub(crate) fn networks(folder: &Path) -> Vec<PathBuf> {
+    below(folder, &[".xodr"])
+}
+
+/// All files below a folder whose names end in one of `endings`, in order.
+pub(crate) fn below(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            found.extend(networks(&path));
-        } else if path.extension().is_some_and(|end| end == "xodr") {
+            found.extend(below(&path, endings));
+        } else if endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)) {
             found.push(path);
         }
     }

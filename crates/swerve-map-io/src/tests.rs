@@ -11,6 +11,7 @@ use crate::commonroad::{self, Centers};
 use crate::lane_map::LaneMap;
 use crate::overview::Overview;
 use crate::picture::lanes::draw;
+use crate::testing::below;
 use crate::{MapFile, Problems, lanelet2, sumo};
 
 /// Changed files of each format.
@@ -108,16 +109,7 @@ fn changed(text: &str, random: &mut Random) -> String {
 
 /// Files of an ending below a folder, with their texts.
 fn texts(folder: &str, ending: &str) -> Option<Vec<String>> {
-    fn below(folder: &Path, found: &mut Vec<PathBuf>) {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() { below(&path, found) } else { found.push(path) }
-        }
-    }
-    let mut paths = Vec::new();
-    below(&data_or_skip(folder)?, &mut paths);
-    paths.retain(|path| path.to_string_lossy().ends_with(ending));
-    paths.sort();
+    let paths = below(&data_or_skip(folder)?, &[ending]);
     let read = |path: &PathBuf| match ending.ends_with(".gz") {
         true => unpacked(path),
         false => std::fs::read_to_string(path).unwrap(),

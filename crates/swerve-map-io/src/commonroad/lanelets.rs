@@ -8,6 +8,7 @@ use swerve_map::{LaneId, LaneKind, MARK_WIDTH_M, Mark, MarkKind, Neighbour};
 use crate::content::{all, child, content};
 use crate::draft::{Center, Draft, Drafts, WIDE_MARK_M};
 use crate::problem::quoted;
+use crate::slope::raised_borders;
 use crate::xml::{Element, Reader, number};
 
 use super::features::{Statements, Stop};
@@ -86,7 +87,8 @@ impl<'a> Lanelets<'a> {
         let Some(id) = xml.identity(at, "id").map(LaneId) else { return };
         let _elements = xml.children(at, &KNOWN);
         let faults = xml.faults();
-        let [left, right] = ["leftBound", "rightBound"].map(|name| self.bound(xml, at, name));
+        let bounds = ["leftBound", "rightBound"].map(|name| self.bound(xml, at, name));
+        let [(left, left_m), (right, right_m)] = bounds;
         if xml.faults() == faults && left.len() != right.len() {
             xml.fault(at, || {
                 let [left, right] = [left.len(), right.len()];
@@ -120,6 +122,7 @@ impl<'a> Lanelets<'a> {
             name: id.0.to_string(),
             kind: self.kind(xml, at),
             speed_limit_mps,
+            raised: raised_borders([(&left, &left_m), (&right, &right_m)]),
             left,
             right,
             center,
@@ -130,21 +133,24 @@ impl<'a> Lanelets<'a> {
         self.drafts.entry(id).or_insert(draft);
     }
 
-    fn bound(&mut self, xml: &mut Reader, at: Element<'a>, name: &str) -> Vec<Point2> {
-        let Some(bound) = xml.child(at, name) else { return Vec::new() };
-        let points: Vec<Point2> = all(bound, "point").map(|point| self.point(xml, point)).collect();
+    /// Points of a bound, and their heights.
+    fn bound(&mut self, xml: &mut Reader, at: Element<'a>, name: &str) -> (Vec<Point2>, Vec<Option<f64>>) {
+        let Some(bound) = xml.child(at, name) else { return Default::default() };
+        let (points, heights_m): (Vec<_>, Vec<_>) =
+            all(bound, "point").map(|point| self.point(xml, point)).unzip();
         if points.len() < 2 {
             xml.fault(bound, || format!("expected at least 2 points, found {}", points.len()));
         }
-        points
+        (points, heights_m)
     }
 
-    fn point(&mut self, xml: &mut Reader, at: Element<'a>) -> Point2 {
-        if let Some(z) = xml.lenient_measure(at, "z") {
+    fn point(&mut self, xml: &mut Reader, at: Element<'a>) -> (Point2, Option<f64>) {
+        let z_m = xml.lenient_measure(at, "z");
+        if let Some(z) = z_m {
             let [low, high] = self.heights_m.unwrap_or([z, z]);
             self.heights_m = Some([low.min(z), high.max(z)]);
         }
-        Point2::new(xml.measure(at, "x"), xml.measure(at, "y"))
+        (Point2::new(xml.measure(at, "x"), xml.measure(at, "y")), z_m)
     }
 
     /// Kind of a lanelet by its first type that has one; driving without.

@@ -8,6 +8,7 @@ use swerve_map::LaneId;
 use super::osm::{Osm, Relation, tag};
 use super::{marks, tags};
 use crate::draft::{Center, Draft};
+use crate::slope::raised_borders;
 use crate::strip::distinct;
 use crate::xml::{Element, Reader};
 
@@ -38,12 +39,14 @@ pub(super) struct Lanelet<'a> {
 struct Line {
     nodes: Vec<i64>,
     points: Vec<Point2>,
+    heights_m: Vec<Option<f64>>,
 }
 
 impl Line {
     fn reverse(&mut self) {
         self.nodes.reverse();
         self.points.reverse();
+        self.heights_m.reverse();
     }
 
     /// Point in the middle of the list, or between two.
@@ -94,7 +97,6 @@ impl<'a> Lanelet<'a> {
             ends: [side.ends[1], side.ends[0]],
             way: side.way,
         };
-        let reversed = |line: &[Point2]| line.iter().rev().copied().collect::<Vec<_>>();
         let draft = &self.draft;
         Self {
             relation: self.relation,
@@ -107,6 +109,7 @@ impl<'a> Lanelet<'a> {
                 speed_limit_mps: draft.speed_limit_mps,
                 left: reversed(&draft.right),
                 right: reversed(&draft.left),
+                raised: draft.raised.as_ref().map(|[left, right]| [reversed(right), reversed(left)]),
                 center: match &draft.center {
                     Center::Given(line) => Center::Given(reversed(line)),
                     _ => Center::Between,
@@ -117,6 +120,10 @@ impl<'a> Lanelet<'a> {
             },
         }
     }
+}
+
+fn reversed<T: Copy>(line: &[T]) -> Vec<T> {
+    line.iter().rev().copied().collect()
 }
 
 fn lanelet<'a>(
@@ -151,6 +158,7 @@ fn lanelet<'a>(
             name: id.to_string(),
             kind,
             speed_limit_mps,
+            raised: raised_borders([&left, &right].map(|line| (&*line.points, &*line.heights_m))),
             left: distinct(left.points),
             right: distinct(right.points),
             center,
@@ -199,13 +207,14 @@ fn line(xml: &mut Reader, osm: &Osm<'_>, (at, way): (Element<'_>, i64), is_borde
     let mut line = Line::default();
     let mut is_whole = true;
     for &(nd, id) in &found.nodes {
-        match osm.nodes.get(&id).map(|node| (node.element, node.at)) {
-            Some((_, Some(point))) => {
+        match osm.nodes.get(&id).map(|node| (node.element, node.at, node.z_m)) {
+            Some((_, Some(point), z_m)) => {
                 line.nodes.push(id);
                 line.points.push(point);
+                line.heights_m.push(z_m);
                 continue;
             }
-            Some((node, None)) => {
+            Some((node, None, _)) => {
                 wrong(node, "expected the tags `local_x` and `local_y`, as other nodes have".to_owned());
             }
             None => wrong(nd, format!("expected the identity of a node, found {id}")),

@@ -11,6 +11,7 @@ use super::permissions::{kind_of, may_change};
 use super::shapes::{self, Vertices, dense, dense_count, shape};
 use crate::draft::marks_along;
 use crate::problem::quoted;
+use crate::slope::{Profile, raised};
 use crate::xml::{Element, Reader, optional};
 
 /// A lane of the file.
@@ -93,6 +94,8 @@ pub(super) struct Edges<'a> {
     /// Number of lanes without a kind.
     pub(super) left_out: usize,
     pub(super) heights_m: Option<[f64; 2]>,
+    /// Slopes of the lanes of the map that are not level.
+    pub(super) profiles: BTreeMap<LaneId, Profile>,
     /// Crossed edges of each crossing, as in the file.
     crossed: Vec<&'a str>,
     vertices: f64,
@@ -115,6 +118,7 @@ impl<'a> Edges<'a> {
             types: BTreeMap::new(),
             left_out: 0,
             heights_m: None,
+            profiles: BTreeMap::new(),
             crossed: Vec::new(),
             vertices: 0.0,
         }
@@ -161,9 +165,9 @@ impl<'a> Edges<'a> {
         let Some(id) = at.attribute("id") else { return xml.missing(at, "id") };
         let width_m = width_m(xml, at);
         let Some(Vertices { points, heights_m }) = shape(xml, at, "shape", self.offset_m) else { return };
-        if let Some([low, high]) = heights_m {
-            let [a, b] = self.heights_m.unwrap_or([low, high]);
-            self.heights_m = Some([a.min(low), b.max(high)]);
+        for z_m in heights_m.iter().flatten().copied() {
+            let [low, high] = self.heights_m.unwrap_or([z_m, z_m]);
+            self.heights_m = Some([low.min(z_m), high.max(z_m)]);
         }
         let number = self.files.len();
         if self.lane_of.contains_key(id) {
@@ -171,12 +175,16 @@ impl<'a> Edges<'a> {
         }
         self.lane_of.insert(id, number);
         *self.types.entry(self.edges[edge].function.to_owned()).or_default() += 1;
+        let raised = raised(&points, &heights_m);
         let ends = [points[0], points[points.len() - 1]];
         let slot = match self.edges[edge].function {
             "crossing" => self.crossing(edge, &points, width_m),
             "walkingarea" => self.walking_area(points, edge),
             _ => self.map_lane(xml, at, edge, &points, width_m),
         };
+        if let (Slot::Lane(id), Some(profile)) = (&slot, raised.and_then(|line| Profile::along(&line))) {
+            self.profiles.insert(*id, profile);
+        }
         // The names are those of right-hand traffic, as netconvert makes left-hand traffic by mirroring.
         let may_change = ["changeRight", "changeLeft"].map(|name| may_change(at.attribute(name)));
         self.files.push(FileLane { id, slot, ends, edge, may_change });

@@ -28,8 +28,8 @@ pub(super) fn offset_m(xml: &mut Reader, at: Element<'_>) -> [f64; 2] {
 pub(super) struct Vertices {
     /// In the frame of the map, without repetitions.
     pub(super) points: Vec<Point2>,
-    /// Lowest and highest z, metres; `None` if the shape has none.
-    pub(super) heights_m: Option<[f64; 2]>,
+    /// Height of each point, metres; `None` where it has none.
+    pub(super) heights_m: Vec<Option<f64>>,
 }
 
 /// A required shape: at least one vertex `x,y` or `x,y,z`, separated by spaces.
@@ -43,7 +43,7 @@ pub(super) fn shape(
         xml.missing(at, attribute);
         return None;
     };
-    let mut found = Vertices { points: Vec::new(), heights_m: None };
+    let mut found = Vertices { points: Vec::new(), heights_m: Vec::new() };
     for vertex in text.split_whitespace() {
         let numbers = match numbers(vertex, ',') {
             Ok(numbers) if matches!(numbers.len(), 2 | 3) => numbers,
@@ -61,10 +61,7 @@ pub(super) fn shape(
         let point = Point2::new(numbers[0] - offset_m[0], numbers[1] - offset_m[1]);
         if found.points.last().is_none_or(|last: &Point2| last.distance(point) > SAME_M) {
             found.points.push(point);
-        }
-        if let Some(&z_m) = numbers.get(2) {
-            let [low, high] = found.heights_m.unwrap_or([z_m, z_m]);
-            found.heights_m = Some([low.min(z_m), high.max(z_m)]);
+            found.heights_m.push(numbers.get(2).copied());
         }
     }
     if found.points.is_empty() {

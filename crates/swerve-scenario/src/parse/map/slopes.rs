@@ -8,8 +8,6 @@ use super::Way;
 
 /// Standard gravity, m/s².
 const GRAVITY_MPS2: f64 = 9.81;
-/// Difference of heights of a file with unknown slopes from which that is a warning, metres.
-const HEIGHTS_M: f64 = 2.0;
 
 /// A kind of slope and its limits, height over distance.
 struct Limits {
@@ -31,11 +29,12 @@ const BANK: Limits = Limits { name: "bank", warned: 0.04, most: 0.10 };
 /// If it is too steep or too much banked to be driven on the flat projection.
 pub(super) fn warning(file: &MapFile, course: &Way) -> Result<Option<String>, String> {
     let slopes = file.slopes(parts(&file.map, course));
+    let of_what = if file.has_roads() { "road" } else { "lane" };
     let found = [(GRADE, &slopes.grade), (BANK, &slopes.bank)];
     let of = |limit: fn(&Limits) -> f64| {
         let above = move |(limits, slope): &(Limits, &Option<Slope>)| {
             let slope = slope.as_ref().filter(|slope| slope.slope.abs() > limit(limits))?;
-            Some(described(limits, slope))
+            Some(described(of_what, limits, slope))
         };
         found.iter().filter_map(above).collect::<Vec<_>>()
     };
@@ -46,19 +45,13 @@ pub(super) fn warning(file: &MapFile, course: &Way) -> Result<Option<String>, St
         return Err(format!("{steep}: {FLAT}, expected {}", limits.join(" and ")));
     }
     let warned = of(|limits| limits.warned);
-    if !warned.is_empty() {
-        return Ok(Some(format!("{}: {FLAT}", warned.join(", "))));
-    }
-    let [low_m, high_m] = file.heights_m().unwrap_or_default();
-    Ok((high_m - low_m > HEIGHTS_M).then(|| {
-        format!("the file has heights from {low_m:.1} to {high_m:.1} m, slopes are not checked: {FLAT}")
-    }))
+    Ok((!warned.is_empty()).then(|| format!("{}: {FLAT}", warned.join(", "))))
 }
 
-fn described(limits: &Limits, Slope { slope, road, s_m }: &Slope) -> String {
+fn described(of_what: &str, limits: &Limits, Slope { slope, road, s_m }: &Slope) -> String {
     let (name, percent) = (limits.name, 100.0 * slope);
     let neglected_mps2 = GRAVITY_MPS2 * slope.abs() / (1.0 + slope * slope).sqrt();
-    format!("road {road:?} has a {name} of {percent:.1} % ({neglected_mps2:.2} m/s²) at s = {s_m:.1} m")
+    format!("{of_what} {road:?} has a {name} of {percent:.1} % ({neglected_mps2:.2} m/s²) at s = {s_m:.1} m")
 }
 
 /// Lanes from the start to the goal, each with its part, metres.

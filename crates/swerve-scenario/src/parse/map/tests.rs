@@ -170,11 +170,61 @@ fn small_slopes_are_a_warning_and_large_ones_are_refused() {
     );
 }
 
+/// A scenario on a map of the text, from one lane to another.
+fn over(file: &str, map: &str, start: &str, goal: &str) -> Result<Scenario, String> {
+    let text = format!("name = \"test\"\n[map]\nfile = \"{file}\"\n[ego]\nstart = {start}\ngoal = {goal}\n");
+    Scenario::parse_on("x.toml", &text, Some(&Arc::from(map)), &[]).map_err(|problems| problems.to_string())
+}
+
 #[test]
-fn slopes_that_a_file_does_not_give_are_a_warning_where_its_heights_differ() {
-    let found = sound(NET, OVER, "").warnings();
-    let expected = "map.file: the file has heights from 0.0 to 4.5 m, slopes are not checked: ";
-    assert!(found.len() == 1 && found[0].starts_with(expected), "{found:?}");
+fn hills_of_other_formats_are_refused_with_their_lane_and_place() {
+    const LIMITS: &str = "vehicles are driven on the flat projection of the map, expected a grade of at most 8 % and a \
+                          bank of at most 10 %";
+    let net = include_str!("../../../../swerve-map-io/maps/junction.net.xml");
+    let (start, goal) = ("{ lane = \"in_2\", s_m = 20.0 }", "{ lane = \"out_0\", s_m = 30.0 }");
+    let on = |shape: &str| {
+        over("m.net.xml", &net.replace("0.00,48.25 90.00,48.25", shape), start, goal)
+            .map(|scenario| scenario.warnings())
+    };
+    assert_eq!(sound(NET, OVER, "").warnings(), [] as [&str; 0], "flat where it drives");
+    assert_eq!(
+        on("0,48.25,0 20,48.25,9 90,48.25,9").unwrap(),
+        [] as [&str; 0],
+        "the hill is before the start"
+    );
+    let warned = on("0,48.25,0 90,48.25,2.7").unwrap();
+    let expected = "map.file: lane \"in_2\" has a grade of 3.0 % (0.29 m/s²) at s = 22.5 m: ";
+    assert!(warned.len() == 1 && warned[0].starts_with(expected), "{warned:?}");
+    let expected = "x.toml:3: map.file: lane \"in_2\" has a grade of 12.0 % (1.17 m/s²) at s = 47.5 m: ";
+    assert_eq!(
+        on("0,48.25 45,48.25,0 90,48.25,5.4").map_err(drop),
+        Ok(vec![]),
+        "heights of some points only"
+    );
+    assert_eq!(on("0,48.25,0 45,48.25,0 90,48.25,5.4").unwrap_err(), format!("{expected}{LIMITS}"));
+    let node = |id: u32, x_m: f64, y_m: f64, z_m: f64| {
+        format!(
+            "<node id=\"{id}\"><tag k=\"local_x\" v=\"{x_m}\"/><tag k=\"local_y\" v=\"{y_m}\"/>\
+             <tag k=\"ele\" v=\"{z_m}\"/></node>"
+        )
+    };
+    let banked = [
+        "<osm>".to_owned(),
+        node(1, 0.0, 4.0, 30.5),
+        node(2, 100.0, 4.0, 30.5),
+        node(3, 0.0, 0.0, 30.0),
+        node(4, 100.0, 0.0, 30.0),
+        "<way id=\"5\"><nd ref=\"1\"/><nd ref=\"2\"/></way><way id=\"6\"><nd ref=\"3\"/><nd ref=\"4\"/></way>".to_owned(),
+        "<relation id=\"88\"><member type=\"way\" ref=\"5\" role=\"left\"/>".to_owned(),
+        "<member type=\"way\" ref=\"6\" role=\"right\"/><tag k=\"type\" v=\"lanelet\"/>".to_owned(),
+        "<tag k=\"subtype\" v=\"road\"/></relation></osm>".to_owned(),
+    ]
+    .concat();
+    let (start, goal) = ("{ lane = \"88\", s_m = 20.0 }", "{ lane = \"88\", s_m = 80.0 }");
+    let expected = "x.toml:3: map.file: lane \"88\" has a bank of 12.5 % (1.22 m/s²) at s = 22.5 m: ";
+    assert_eq!(over("m.osm", &banked, start, goal).unwrap_err(), format!("{expected}{LIMITS}"));
+    let less = banked.replace("30.5", "30.14");
+    assert_eq!(over("m.osm", &less, start, goal).unwrap().warnings(), [] as [&str; 0]);
 }
 
 #[test]
