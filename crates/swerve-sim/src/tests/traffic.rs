@@ -2,8 +2,10 @@
 
 use swerve_msg::ActorKind;
 use swerve_msg::truth::Actor;
+use swerve_scenario::Course;
 
 use super::*;
+use crate::with_traffic;
 
 /// An ego on an arm of the crossing with lights.
 fn crossing(vehicles: usize, pedestrians: usize) -> Scenario {
