@@ -48,6 +48,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/person_crossing.toml"
     "scenarios/street.toml"
     "scenarios/traffic_jam.toml"
+    "scenarios/town.toml"
     "scenarios/traffic_light.toml"
     "scenarios/everyday/car_behind_closes_fast.toml"
     "scenarios/everyday/closed_circle.toml"
