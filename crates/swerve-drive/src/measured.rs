@@ -5,8 +5,12 @@ use swerve_eval::{Evaluation, Norm, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{LineTracker, Point2, Pose2};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
+use swerve_msg::{
+    ActorNames, Command, Decision, Detections, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan,
+    PoseQuality, Route,
+};
 use swerve_scenario::{Road, Scenario};
+use swerve_stack::Assembly;
 use swerve_stack::pipeline::{Pipeline, Stack};
 use swerve_vehicle::Shape;
 
@@ -21,6 +25,7 @@ struct Publishers {
     pose_heard: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
+    decision: Option<String>,
     /// Operator that commands the car's pedals; `None` if a gate passes commands through.
     pedals: Option<String>,
 }
@@ -35,6 +40,7 @@ impl Publishers {
             pose_heard: stack.publisher_after_faults::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
+            decision: assembly.publisher::<Decision>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
         }
     }
@@ -48,6 +54,7 @@ pub(crate) struct Measured {
     pub(crate) evaluation: Evaluation,
     operators: Vec<String>,
     publishers: Publishers,
+    track_names: ActorNames,
     /// The road and the end of the run, for the lights along other routes.
     road: Road,
     until: Time,
@@ -67,6 +74,14 @@ pub fn outline(shape: &Shape) -> Outline {
 /// Speed that a scenario requires of its ego.
 pub fn norm(scenario: &Scenario) -> Norm {
     Norm { target_speed_mps: Some(scenario.ego.target_speed_mps) }
+}
+
+/// Names of the road users by the identity of their tracks; empty if a tracker numbers its tracks itself.
+pub fn track_names(assembly: &Assembly, scenario: &Scenario) -> ActorNames {
+    match assembly.publisher::<Detections>() {
+        None => scenario.names(),
+        Some(_) => ActorNames::new(),
+    }
 }
 
 impl Measured {
@@ -93,6 +108,7 @@ impl Measured {
             evaluation: Evaluation::new(params),
             operators,
             publishers: Publishers::new(stack),
+            track_names: track_names(stack.assembly, scenario),
             road: scenario.road.clone(),
             until: pipeline.until,
             route: route.clone(),
@@ -157,6 +173,10 @@ impl Observer for Measured {
                     (payload.downcast_ref::<Plan>(), is_of(&self.publishers.plan))
                 {
                     evaluation.plan(plan);
+                } else if let (Some(decision), true) =
+                    (payload.downcast_ref::<Decision>(), is_of(&self.publishers.decision))
+                {
+                    evaluation.decision(publication.visible_at, decision, &self.track_names);
                 } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
                     evaluation.gate(publication.visible_at, gate);
                     if gate.mode == GateMode::Driving {
