@@ -44,6 +44,12 @@ class DrivingState(str, Enum):
     """In a junction."""
     WAIT_FOR_PEDESTRIAN = "wait_for_pedestrian"
     """Before a crossing that a pedestrian uses."""
+    LANE_CHANGE = "lane_change"
+    """From one lane of the route to the next."""
+    OVERTAKE = "overtake"
+    """Over the line of its lane, past something."""
+    EMERGENCY_STOP = "emergency_stop"
+    """Braking as hard as only an emergency justifies."""
 
 
 class StopReason(str, Enum):
@@ -424,6 +430,8 @@ class Decision(Message):
     """Places to stop at, the nearest first."""
     yields: list[ActorId]
     """Road users to give way to, ordered by identity."""
+    waiting: list[ActorId] = field(default_factory=list)
+    """Vehicles ahead that wait in a queue before a stop line, ordered by identity: they are not overtaken."""
     expected_to_yield: list[ExpectedStop] = field(default_factory=list)
     """Vehicles that give way to the ego, ordered by identity."""
     state: DrivingState | None = None

@@ -37,7 +37,7 @@ pub use lights::light_courses;
 pub use load::{
     RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,
 };
-pub use measured::{norm, outline};
+pub use measured::{norm, outline, track_names};
 pub use overwrite::OverwriteArgs;
 pub use recording::{Recording, left_out_of_logs, logged_scenario, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};

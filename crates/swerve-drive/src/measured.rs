@@ -8,8 +8,12 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{LineTracker, Point2, Pose2, angle_between};
 use swerve_map::{LanePlace, Map};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
+use swerve_msg::{
+    ActorNames, Command, Decision, Detections, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan,
+    PoseQuality, Route,
+};
 use swerve_scenario::{Course, Road, Scenario};
+use swerve_stack::Assembly;
 use swerve_stack::pipeline::{Pipeline, Stack};
 use swerve_vehicle::Shape;
 
@@ -25,6 +29,7 @@ struct Publishers {
     pose_heard: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
+    decision: Option<String>,
     /// Operator that commands the car's pedals; `None` if a gate passes commands through.
     pedals: Option<String>,
 }
@@ -39,6 +44,7 @@ impl Publishers {
             pose_heard: stack.publisher_after_faults::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
+            decision: assembly.publisher::<Decision>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
         }
     }
@@ -54,6 +60,7 @@ pub(crate) struct Measured {
     scored: Option<Scored>,
     operators: Vec<String>,
     publishers: Publishers,
+    track_names: ActorNames,
     /// The road and the end of the run, for the lights along other routes.
     road: Road,
     until: Time,
@@ -92,6 +99,14 @@ fn is_against(map: &Map, point: Point2, heading_rad: f64) -> bool {
     least_rad.is_some_and(|off_rad| off_rad > core::f64::consts::FRAC_PI_2)
 }
 
+/// Names of the road users by the identity of their tracks; empty if a tracker numbers its tracks itself.
+pub fn track_names(assembly: &Assembly, scenario: &Scenario) -> ActorNames {
+    match assembly.publisher::<Detections>() {
+        None => scenario.names(),
+        Some(_) => ActorNames::new(),
+    }
+}
+
 impl Measured {
     /// Measures the stack of one ego; its events have the names of its assembly.
     pub(crate) fn new(pipeline: &Pipeline, stack: &Stack<'_>) -> anyhow::Result<Self> {
@@ -117,6 +132,7 @@ impl Measured {
             scored: Scored::new(scenario, route, shape),
             operators,
             publishers: Publishers::new(stack),
+            track_names: track_names(stack.assembly, scenario),
             road: scenario.road.clone(),
             until: pipeline.until,
             route: route.clone(),
@@ -187,6 +203,10 @@ impl Observer for Measured {
                     (payload.downcast_ref::<Plan>(), is_of(&self.publishers.plan))
                 {
                     evaluation.plan(plan);
+                } else if let (Some(decision), true) =
+                    (payload.downcast_ref::<Decision>(), is_of(&self.publishers.decision))
+                {
+                    evaluation.decision(publication.visible_at, decision, &self.track_names);
                 } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
                     evaluation.gate(publication.visible_at, gate);
                     if gate.mode == GateMode::Driving {

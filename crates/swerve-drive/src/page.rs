@@ -7,12 +7,14 @@ mod log;
 pub use log::{LogSoFar, given_log, log_of, page_of_log, pair_of_logs};
 
 use anyhow::Context as _;
+use serde::Deserialize as _;
+use swerve_eval::BehaviourMetrics;
 use swerve_flow::{Event, Observer};
 use swerve_geom::{FrenetPoint, Point2};
 use swerve_msg::Route;
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
-use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
+use swerve_report::page::{Behaviour, Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
 use swerve_scenario::{Aspect, Road, Scenario, TrafficLight};
 use swerve_stack::Assembly;
 use swerve_stack::Setup;
@@ -132,9 +134,13 @@ impl RunReport {
     /// # Errors
     /// If the metrics are not JSON.
     pub fn finish(self, digest: &str, metrics: &str) -> anyhow::Result<Page<RunPage>> {
-        let metrics = serde_json::from_str(metrics).context("reading the metrics of the run")?;
+        let metrics: serde_json::Value =
+            serde_json::from_str(metrics).context("reading the metrics of the run")?;
+        let states = metrics.get("behaviour").map(BehaviourMetrics::deserialize).transpose();
+        let states = states.context("reading `behaviour` in the metrics of the run")?;
+        let behaviour = states.as_ref().map(Behaviour::from);
         let (title, head) = self.into_head();
-        let page = RunPage { metrics, digest: digest.to_owned(), ..head };
+        let page = RunPage { metrics, behaviour, digest: digest.to_owned(), ..head };
         Ok(Page::new("run", title, page))
     }
 

@@ -10,6 +10,8 @@ use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 
+use crate::measured::track_names;
+
 /// Road, car and sensors of a run.
 pub fn views_of(config: &Setup, pipeline: &Pipeline) -> foxglove::Setup {
     let assembly = &pipeline.assembly;
@@ -19,7 +21,8 @@ pub fn views_of(config: &Setup, pipeline: &Pipeline) -> foxglove::Setup {
     });
     let (detectors, mounts) = (detectors.collect(), mounts(config, |name| config.runs(name)));
     let actors = Arc::new(pipeline.scenario.names());
-    foxglove::Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
+    let tracks = Arc::new(track_names(assembly, &pipeline.scenario));
+    foxglove::Setup { mounts, detectors, actors, tracks, ..setup(config, &pipeline.scenario) }
 }
 
 /// Road, car and sensors of a drive with a vehicle; all mounted sensors run.
@@ -44,6 +47,7 @@ fn setup(config: &Config, scenario: &Scenario) -> foxglove::Setup {
         },
         raw_images: log.images == Images::Lossless,
         actors: Arc::default(),
+        tracks: Arc::default(),
         ego_from_pose: false,
     }
 }

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{
-    ActorId, ActorKind, ActorNames, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus, PoseQuality,
-    Route,
+    ActorId, ActorKind, ActorNames, Decision, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus,
+    PoseQuality, Route,
 };
 
 use crate::comfort::{Comfort, ComfortMetrics};
@@ -15,9 +15,9 @@ use crate::score::DrivingScores;
 use crate::traffic::{Norm, Traffic, TrafficMetrics};
 use crate::verdict::STANDS_MPS;
 use crate::{
-    Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
-    Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, PoseGap,
-    ResponseTimes, RunTimes, Summary, Verdict, seconds,
+    Behaviour, BehaviourMetrics, Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact,
+    LateralJerk, LightCourse, Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline,
+    PlanMetrics, PoseGap, ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
 /// Inputs of an evaluation that are known before the run.
@@ -91,6 +91,9 @@ pub struct Metrics {
     pub actors: Vec<ActorMetrics>,
     /// Plan counts by status.
     pub plans: PlanMetrics,
+    /// States of the behaviour planner; absent if it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub behaviour: Option<BehaviourMetrics>,
     /// Use of the safety gate; absent without a gate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateMetrics>,
@@ -247,6 +250,7 @@ pub struct Evaluation {
     last_plan: Option<(Time, PlanStatus)>,
     sights: Vec<Sight>,
     response: ResponseTimes,
+    behaviour: Behaviour,
     gate: GateUse,
     localization: Localization,
     runtimes: RunTimes,
@@ -269,6 +273,7 @@ impl Evaluation {
             last_plan: None,
             sights: Vec::new(),
             response: ResponseTimes::new(params.dead_time),
+            behaviour: Behaviour::default(),
             gate: GateUse::default(),
             localization: Localization::default(),
             runtimes: RunTimes::new(params.operators),
@@ -299,6 +304,7 @@ impl Evaluation {
         self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));
         self.response.world_step(world.stamp);
         self.localization.truth(&world.ego.state);
+        self.behaviour.ego(&world.ego.state);
     }
 
     /// Adds a pose as it reaches its readers, after the faults of its stream.
@@ -346,6 +352,11 @@ impl Evaluation {
     /// Adds a command that became visible to the world; `origin` is the newest sensor stamp that it derives from.
     pub fn command(&mut self, visible_at: Time, origin: Option<Time>) {
         self.response.command(visible_at, origin);
+    }
+
+    /// Adds a decision of the behaviour planner that became visible at `at`; `names` are those of tracks.
+    pub fn decision(&mut self, at: Time, decision: &Decision, names: &ActorNames) {
+        self.behaviour.take(at, decision, names);
     }
 
     /// Adds an output of the safety gate.
@@ -404,6 +415,7 @@ impl Evaluation {
             response: self.response.summary(),
             actors: self.actors(),
             plans: self.plans,
+            behaviour: self.behaviour.metrics(),
             gate: self.gate.metrics(),
             pose_silent_since_s: self.localization.silent_since().map(seconds),
             pose_gaps: self.localization.gaps(),

@@ -9,6 +9,7 @@
 //! caller.
 
 mod average_precision;
+mod behaviour;
 mod coco;
 pub mod comfort;
 mod consistency;
@@ -38,6 +39,7 @@ mod verdict;
 mod why;
 
 pub use average_precision::{AveragePrecision, Found, Recalls};
+pub use behaviour::{Behaviour, BehaviourMetrics, StateChange};
 pub use coco::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
 pub use consistency::Consistency;
 pub use distance::{Clearance, Clearances, Outline};

@@ -262,6 +262,7 @@ mod tests {
             raw_images: false,
             detectors: Vec::new(),
             actors: Default::default(),
+            tracks: Default::default(),
             ego_from_pose: false,
         };
         let shown = |map| ground(Time::ZERO, &setup(map)).entities;

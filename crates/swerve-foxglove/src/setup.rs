@@ -33,6 +33,8 @@ pub struct Setup {
     pub detectors: Vec<(String, String)>,
     /// Names of the actors, as far as they are known.
     pub actors: Arc<ActorNames>,
+    /// Names of the road users by the identity of their tracks, as far as they are known.
+    pub tracks: Arc<ActorNames>,
     /// True to take the ego's pose from localization, for runs without ground truth.
     pub ego_from_pose: bool,
 }

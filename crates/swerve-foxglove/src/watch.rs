@@ -11,8 +11,8 @@ use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, Lanes, ObstacleList, Pixels,
-    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, TrackList, TrafficLights,
+    Command, Decision, Detections, Driving, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, Lanes,
+    ObstacleList, Pixels, Plan, PlanStatus, PointCloud, PredictionList, RadarScan, TrackList, TrafficLights,
 };
 
 use crate::camera::{self, Believed, Header};
@@ -47,6 +47,7 @@ pub(crate) struct Watch {
     seen: VecDeque<Arc<ObstacleList>>,
     plan: Option<Plan>,
     status: Option<PlanStatus>,
+    driving: Driving,
     gate: Option<GateMode>,
     command: Command,
     /// Commands that no world step has applied yet: instant of visibility, and stamp of the sensor frame.
@@ -80,6 +81,7 @@ impl Foxglove {
             .on::<WorldState>(Watch::world)
             .on::<EgoState>(Watch::localized)
             .on::<Command>(Watch::command)
+            .on::<Decision>(Watch::decision)
             .on::<GateOutput>(Watch::gate)
             .on::<ObstacleList>(Watch::obstacles)
             .on::<Plan>(Watch::plan)
@@ -124,6 +126,7 @@ impl Watch {
             seen: VecDeque::new(),
             plan: None,
             status: None,
+            driving: Driving::default(),
             gate: None,
             command: Command::default(),
             waiting: VecDeque::new(),
@@ -135,6 +138,14 @@ impl Watch {
     fn command(&mut self, p: &Publication<'_>, command: &Command) {
         self.command = *command;
         self.waiting.push_back((p.visible_at, p.origin));
+    }
+
+    fn decision(&mut self, p: &Publication<'_>, decision: &Decision) {
+        if let (true, Some(state)) = (self.driving.take(decision), self.driving.state) {
+            let because = self.driving.because_name(&self.setup.tracks);
+            let line = words::behaviour(p.operator, When::new(p).stamp, state, because.as_deref());
+            self.line(line, p.visible_at);
+        }
     }
 
     fn gate(&mut self, p: &Publication<'_>, gate: &GateOutput) {

@@ -5,7 +5,7 @@ use foxglove::messages::log::Level;
 use swerve_core::Time;
 use swerve_flow::{DropReason, Dropped, Reaction};
 use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
-use swerve_msg::{ActorId, ActorNames, GateMode, PlanStatus};
+use swerve_msg::{ActorId, ActorNames, DrivingState, GateMode, PlanStatus};
 
 use crate::form::timestamp;
 
@@ -86,6 +86,12 @@ pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
     Line::new(stamp, level, operator, words)
 }
 
+/// Change of the behaviour planner's state; `because` names the road user that is the reason.
+pub(crate) fn behaviour(operator: &str, stamp: Time, state: DrivingState, because: Option<&str>) -> Line {
+    let level = if state == DrivingState::EmergencyStop { Level::Warning } else { Level::Info };
+    Line::new(stamp, level, operator, state.words_because(because))
+}
+
 /// Change of the safety gate's mode.
 pub(crate) fn gate(operator: &str, stamp: Time, mode: GateMode) -> Line {
     let (level, words) = match mode {
@@ -127,6 +133,15 @@ mod tests {
     use swerve_geom::{Point, Transform, Vector};
     use swerve_msg::EgoState;
     use swerve_msg::truth::{Collision, EgoTruth};
+
+    #[test]
+    fn change_of_state_names_the_road_user() {
+        let line = |state, because| behaviour("behaviour", Time::ZERO, state, because);
+        let gives_way = line(DrivingState::GiveWay, Some("vehicle_12"));
+        assert_eq!((gives_way.level, gives_way.words), (Level::Info, "gives way to vehicle_12".to_owned()));
+        assert_eq!(line(DrivingState::Cruise, None).words, "cruises");
+        assert_eq!(line(DrivingState::EmergencyStop, None).level, Level::Warning);
+    }
 
     #[test]
     fn collision_names_both_parties_unless_one_is_the_ego() {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::{Time, unless_default};
 use swerve_map::Borders;
 
-use crate::ActorId;
+use crate::{ActorId, ActorNames};
 
 /// Decision of the behaviour planner: the ground, speeds and stops within which the motion planner plans.
 ///
@@ -81,6 +81,62 @@ pub enum DrivingState {
     EmergencyStop,
 }
 
+impl DrivingState {
+    /// Description in words, with the ego as the subject.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Cruise => "cruises",
+            Self::Follow => "follows",
+            Self::ApproachLight => "approaches a light",
+            Self::WaitAtLight => "waits at a light",
+            Self::GiveWay => "gives way",
+            Self::WaitForGap => "waits for a gap",
+            Self::StopSign => "stops at a stop sign",
+            Self::WaitForRoom => "waits for room",
+            Self::InJunction => "drives through a junction",
+            Self::WaitForPedestrian => "stops for a pedestrian",
+            Self::LaneChange => "changes lane",
+            Self::Overtake => "overtakes",
+            Self::EmergencyStop => "brakes hard",
+        }
+    }
+
+    /// Description in words, with the name of the road user that is the reason.
+    pub fn words_because(self, who: Option<&str>) -> String {
+        match (self, who) {
+            (state, None) => state.words().to_owned(),
+            (Self::Follow, Some(who)) => format!("follows {who}"),
+            (Self::GiveWay, Some(who)) => format!("gives way to {who}"),
+            (Self::WaitForPedestrian, Some(who)) => format!("stops for {who}"),
+            (state, Some(who)) => format!("{}, because of {who}", state.words()),
+        }
+    }
+}
+
+/// State over several decisions, with the latest road user that was the reason for it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Driving {
+    /// State; `None` if the planner has no states, or left them.
+    pub state: Option<DrivingState>,
+    /// Road user; a reason that is missing for some frames of a state is the last one.
+    pub because: Option<ActorId>,
+}
+
+impl Driving {
+    /// Takes the next decision; returns true if the state or the road user changed.
+    pub fn take(&mut self, decision: &Decision) -> bool {
+        let kept = self.because.filter(|_| decision.state == self.state);
+        let next = Self { state: decision.state, because: decision.because.or(kept) };
+        core::mem::replace(self, next) != next
+    }
+
+    /// Name of the road user, with the names of tracks; a track without a name is called by its number.
+    pub fn because_name(&self, names: &ActorNames) -> Option<String> {
+        let name = |id: ActorId| names.get(&id).cloned().unwrap_or_else(|| format!("track {}", id.0));
+        self.because.map(name)
+    }
+}
+
 /// A speed to keep on a part of a route, up to the next one.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SpeedLimit {
@@ -152,6 +208,20 @@ mod tests {
         }
         assert!((decision.speed_mps(64.0, 2.0) - 244f64.sqrt()).abs() < 1e-12);
         assert_eq!(Decision::default().speed_mps(3.0, 2.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn words_of_a_state_name_the_road_user() {
+        let words = |state: DrivingState| (state.words_because(None), state.words_because(Some("van")));
+        for (state, alone, named) in [
+            (DrivingState::Cruise, "cruises", "cruises, because of van"),
+            (DrivingState::Follow, "follows", "follows van"),
+            (DrivingState::GiveWay, "gives way", "gives way to van"),
+            (DrivingState::WaitForGap, "waits for a gap", "waits for a gap, because of van"),
+            (DrivingState::WaitForPedestrian, "stops for a pedestrian", "stops for van"),
+        ] {
+            assert_eq!(words(state), (alone.to_owned(), named.to_owned()));
+        }
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub mod truth;
 pub use actuation::{Command, MotionCommand};
 pub use closure::Closures;
 pub use deadline::{ResponseBudget, RungTaken};
-pub use decision::{Decision, DrivingState, ExpectedStop, SpeedLimit, StopPoint, StopReason};
+pub use decision::{Decision, Driving, DrivingState, ExpectedStop, SpeedLimit, StopPoint, StopReason};
 pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{

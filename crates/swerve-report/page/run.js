@@ -15,6 +15,7 @@ function showRun(page) {
     player ? section("player", "The drive", player.node()) : "",
     page.photos?.length ? section("cameras", "Cameras", strip(page, moment)) : "",
     drives ? section("timeline", "Time line", ...timeline([{ run: page }], moment, { marks: marksOf(page) })) : "",
+    page.behaviour ? section("behaviour", "Behaviour", ...behaviour(page.behaviour, moment)) : "",
     gantt ? section("operators", "Operators", gantt.node()) : "",
     gantt ? section("times", "Run times", runTimes(page)) : "",
     page.tables?.length ? section("tables", "Counts", ...page.tables.flatMap(({ title, columns, rows }) => [el("h3", {}, title), table(columns, rows, { sort: true })])) : "",
@@ -117,6 +118,19 @@ function timeline(of, moment, { marks = [] } = {}) {
     errors.length > 0 ? panel("Error of localization", "cm on the ground", errors) : null,
     hasPedals ? panel("Pedals", "throttle above, brake below 0", curves(pedals(1), (run) => run.commands.t)) : null,
     el("p", { class: "soft small" }, `Dotted: the limits of comfort in nuPlan's metrics (Karnchanachari et al. 2024). ${told.map((mark) => `Dashed: ${mark.text} at ${seconds(mark.t, 2)}. `).join("")}${chain ? "Thin upright lines: the steps from the first sight to the effect. " : ""}Click or drag to go to an instant.`),
+  ].filter(Boolean);
+}
+
+/** The states of the behaviour planner: their times, and their changes. */
+function behaviour({ changes, more, times }, moment) {
+  const all = times.reduce((sum, [, ms]) => sum + ms, 0);
+  const shares = times.map(([state, ms]) => [state, `${fixed(ms / 1e3)} s`, `${fixed((100 * ms) / all, 1)} %`]);
+  const rows = changes.map(({ t, state, because }) => [el("button", { click: () => moment.set(t) }, seconds(t, 2)), state, because]);
+  return [
+    table(["state", "time", "share"], shares),
+    el("h3", {}, "Changes"),
+    table(["from", "state", "because of"], rows),
+    more > 0 ? el("p", { class: "soft small" }, `The first ${changes.length} changes; ${more} later ones are in metrics.json.`) : null,
   ].filter(Boolean);
 }
 

@@ -3,6 +3,7 @@
 //! The page consists of the hand-written files in this crate's folder `page/` and of one JSON text that they render.
 //! The same data give the same bytes. [`data_of`] reads the data back from a page.
 
+mod behaviour;
 mod bound;
 mod collect;
 mod embed;
@@ -18,8 +19,8 @@ pub use embed::{data_of, page};
 pub use picture::{photo, photo_of};
 pub use rows::{Have, Rows};
 pub use run::{
-    Actor, Changed, Commands, Ego, EgoShape, Input, Light, Marks, Messages, Operator, Parting, Photo, Plan,
-    Predictions, Road, RunPage, Steps, Table, Tracks,
+    Actor, Behaviour, Changed, Commands, Ego, EgoShape, Input, Light, Marks, Messages, Operator, Parting,
+    Photo, Plan, Predictions, Road, RunPage, StateChange, Steps, Table, Tracks,
 };
 
 /// Header and data of a page: its kind, program version and title.

@@ -12,6 +12,7 @@ mod command;
 mod ego_only;
 mod other;
 mod sightings;
+mod states;
 mod timeline;
 mod unaware;
 mod waits;
@@ -23,12 +24,14 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
 use swerve_drive::page::LogSoFar;
-use swerve_drive::{EgoRun, light_courses, logged_scenario, norm, of_ego, outline, problems_error};
+use swerve_drive::{
+    EgoRun, light_courses, logged_scenario, norm, of_ego, outline, problems_error, track_names,
+};
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EndReason, Verdict, WorldState};
 use swerve_msg::{
-    ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, Route, TrackList,
+    ActorId, Decision, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, Route, TrackList,
 };
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -189,7 +192,7 @@ impl Logged {
             }
             _ => other::told(self, &pipeline, metrics)?,
         };
-        Ok(with_collision_of_others(why, metrics))
+        Ok(with_collision_of_others(states::told(why, metrics), metrics))
     }
 
     /// Causal chain of the named actor, else of the nearest one at an instant, else of the one that decided the
@@ -224,7 +227,8 @@ impl Logged {
         let assembly = &pipeline.assembly;
         let (gate, plans) = (assembly.publisher::<GateOutput>(), assembly.publisher::<Plan>());
         let (poses, heard) = (assembly.publisher::<EgoState>(), stack.publisher_after_faults::<EgoState>());
-        let routes = assembly.publisher::<Route>();
+        let (routes, decisions) = (assembly.publisher::<Route>(), assembly.publisher::<Decision>());
+        let track_names = track_names(assembly, &pipeline.scenario);
         let stream = assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
         let (mut known_s, mut is_known) = (Vec::new(), at_s.is_none());
@@ -233,6 +237,9 @@ impl Logged {
                 evaluation.gate(publication.header.visible_at, &publication.decode()?);
             } else if is_of::<Plan>(publication, plans) {
                 evaluation.plan(&publication.decode()?);
+            } else if is_of::<Decision>(publication, decisions) {
+                let at = publication.header.visible_at;
+                evaluation.decision(at, &publication.decode()?, &track_names);
             } else if is_of::<PoseQuality>(publication, poses) {
                 evaluation.pose_quality(&publication.decode()?);
             } else if is_of::<EgoState>(publication, heard) {
@@ -271,7 +278,8 @@ impl Logged {
             None => "it was never near".into(),
         };
         let impact = impact_of(&metrics);
-        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })
+        let why = self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })?;
+        Ok(states::told(why, &metrics))
     }
 
     /// Causal chain of one actor.

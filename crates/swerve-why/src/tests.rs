@@ -114,6 +114,65 @@ fn collision_of_others_is_named_at_the_end() {
     assert_eq!(why(&measured(|_| {})), "it came to the end of its way");
 }
 
+/// The ego comes to a red light, waits up to 18 s, and turns.
+#[test]
+fn states_of_a_drive_to_a_red_light_are_measured_and_logged() {
+    use swerve_msg::DrivingState::{ApproachLight, InJunction, WaitAtLight};
+    let folder = tempfile::tempdir().unwrap();
+    let (logged, metrics) = driven(folder.path(), "maps/light_red", &[]);
+    let behaviour = metrics.behaviour.as_ref().unwrap();
+    let first_s = |state| {
+        let change = behaviour.changes.iter().find(|change| change.state == Some(state));
+        change.unwrap_or_else(|| panic!("{state:?}: {:?}", behaviour.changes)).at_s
+    };
+    let [approaches_s, waits_s, turns_s] = [ApproachLight, WaitAtLight, InJunction].map(first_s);
+    assert!(approaches_s < waits_s && waits_s < 18.0 && turns_s > 18.0, "{:?}", behaviour.changes);
+    let all_s: f64 = behaviour.seconds.values().sum();
+    let begin_s = behaviour.changes[0].at_s;
+    assert!((begin_s + all_s - metrics.drive.duration_s).abs() < 1e-6, "{begin_s} {all_s}");
+    assert_eq!(behaviour.stands_since_s, None);
+    // The log has the same states.
+    assert_eq!(logged.why(&metrics).unwrap(), logged.why_of(None, None).unwrap());
+}
+
+#[test]
+fn states_because_of_the_actor_and_at_the_end_are_named() {
+    use swerve_eval::{BehaviourMetrics, StateChange};
+    use swerve_msg::DrivingState::{Cruise, Follow, GiveWay, WaitForGap};
+    let told = |of: &dyn Fn(&mut Metrics)| {
+        let metrics = measured(|metrics| {
+            let change = |at_s, state, because: Option<&str>| StateChange {
+                at_s,
+                state: Some(state),
+                because: because.map(str::to_owned),
+            };
+            let changes = vec![
+                change(0.1, Cruise, None),
+                change(2.0, Follow, Some("lead")),
+                change(4.0, GiveWay, Some("lead")),
+                change(6.25, WaitForGap, Some("van")),
+            ];
+            metrics.behaviour = Some(BehaviourMetrics { changes, ..BehaviourMetrics::default() });
+            of(metrics);
+        });
+        states::told(Why::new("lead".into(), Verdict::Avoided, ("it passed", Until::End), &[]), &metrics)
+            .sentence
+    };
+    let without = Why::new("lead".into(), Verdict::Avoided, ("it passed", Until::End), &[]).sentence;
+    let follows = "; the car follows lead from 2.00 s on";
+    let of_lead = format!("{without}{follows}, gives way to lead from 4.00 s on");
+    assert_eq!(told(&|_| {}), of_lead);
+    let at_end = "; at the end the car waits for a gap, because of van, since 6.25 s";
+    assert_eq!(told(&|metrics| metrics.verdict = Verdict::Timeout), format!("{of_lead}{at_end}"));
+    let at_impact = told(&|metrics| {
+        let (actor, at_s) = (ActorId(1), 3.0);
+        let impact = Impact { actor, at_s, ego_speed_mps: 1.0, closing_speed_mps: 1.0, impulse_n_s: 1.0 };
+        metrics.impact = Some(impact);
+    });
+    assert_eq!(at_impact, format!("{without}{follows}; at the collision the car follows lead, since 2.00 s"));
+    assert_eq!(told(&|metrics| metrics.behaviour = None), without);
+}
+
 /// On a slippery road the car leaves the road soon after 2 s without a new pose: the gap decides.
 #[test]
 fn departure_without_a_pose_names_the_gap() {

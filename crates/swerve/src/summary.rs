@@ -7,7 +7,7 @@ use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
 use swerve_eval::score::DrivingScores;
 use swerve_eval::score::leaderboard::Version;
-use swerve_eval::{GateMetrics, Metrics, OperatorMetrics, Why};
+use swerve_eval::{BehaviourMetrics, GateMetrics, Metrics, OperatorMetrics, Why};
 use swerve_flow::{RunReport, TickReport};
 use swerve_ipc::Traffic;
 use swerve_live::ros2::Ros2Report;
@@ -175,6 +175,9 @@ impl Summary {
         }
         traffic_rows(m, &mut row);
         m.scores.iter().for_each(|scores| score_row(scores, &mut row));
+        if let Some(stands) = m.behaviour.as_ref().and_then(BehaviourMetrics::standstill) {
+            row("behaviour", stands);
+        }
         let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
         let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
         row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));

@@ -63,6 +63,7 @@ fn foxglove() -> Foxglove {
         images: None,
         raw_images: false,
         actors: Default::default(),
+        tracks: Default::default(),
         ego_from_pose: false,
     })
 }

@@ -59,6 +59,9 @@ pub struct RunPage {
     /// Number of older pictures left out.
     #[serde(skip_serializing_if = "is_zero")]
     pub photos_before: usize,
+    /// States of the behaviour planner; absent if it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub behaviour: Option<Behaviour>,
     /// Tables of data that belongs to no single step.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<Table>,
@@ -103,6 +106,28 @@ pub struct Light {
     pub phases: Vec<(&'static str, i64)>,
     /// Elapsed time of the cycle at the start of the run.
     pub offset: i64,
+}
+
+/// States of the behaviour planner in a run.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Behaviour {
+    /// The first changes, in order of time.
+    pub changes: Vec<StateChange>,
+    /// Number of later changes, which are left out.
+    pub more: usize,
+    /// States in words with their times, milliseconds, the longest first.
+    pub times: Vec<(&'static str, i64)>,
+}
+
+/// Change of the state.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct StateChange {
+    /// Instant.
+    pub t: i64,
+    /// State in words.
+    pub state: &'static str,
+    /// Name of the road user that is the reason; empty without one.
+    pub because: String,
 }
 
 /// Table with a heading.

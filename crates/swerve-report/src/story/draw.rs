@@ -160,5 +160,6 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
         let what = if metrics.impact.is_some() { "collision" } else { "closest approach" };
         add(true, line(color::ALARM, 2.0), what);
     }
+    entries.extend(super::states::legend(story, view));
     swerve_draw::legend(canvas, at, WIDTH - RIGHT, &entries)
 }

@@ -11,6 +11,7 @@ use super::labels::badge;
 use super::lights;
 use super::moments::{closest_at, first_sight};
 use super::record::Story;
+use super::states;
 use super::view::View;
 use swerve_draw::{Anchor, At, Axes, Canvas, Style, Text, color, width_of};
 
@@ -117,6 +118,9 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
             horizon(canvas, &frame, values.iter().any(|(_, v)| v.is_some()));
         }
         y += HEIGHT + GAP;
+        if k == 0 {
+            y += states::strip(canvas, story, &row(y), y - 5.0);
+        }
     }
     y - GAP + 36.0 - corner.1
 }
@@ -175,7 +179,7 @@ fn steps(story: &Story, (from, to): (f64, f64)) -> impl Iterator<Item = &WhyStep
 
 /// Time range of the curves, seconds: the span of the view, extended to the chain's first step if that is at most
 /// [`BEFORE_VIEW_S`] earlier.
-fn time_axis(story: &Story, view: &View) -> (f64, f64) {
+pub(super) fn time_axis(story: &Story, view: &View) -> (f64, f64) {
     let (from, to) = (view.span.0.as_secs(), view.span.1.as_secs());
     let Some(first) = steps(story, (from - BEFORE_VIEW_S, to)).next() else { return (from, to) };
     // A line on the very edge would be invisible.

@@ -444,3 +444,43 @@ fn nearest_points_of_outlines_span_their_distance() {
         assert!((a.distance(b) - distance).abs() < 1e-9, "{k}");
     }
 }
+
+#[test]
+fn states_are_a_strip_that_names_those_with_room() {
+    use swerve_eval::{BehaviourMetrics, StateChange};
+    use swerve_msg::DrivingState::{Cruise, EmergencyStop, Follow, GiveWay};
+    let mut story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
+    let without = draw(&story).svg();
+    let change = |at_s, state, because: Option<&str>| StateChange {
+        at_s,
+        state: Some(state),
+        because: because.map(str::to_owned),
+    };
+    let changes = vec![
+        change(0.0, Cruise, None),
+        change(4.0, GiveWay, Some("person")),
+        change(5.0, Follow, Some("a truck with a name that is too long for its part of the strip")),
+        change(5.5, Cruise, None),
+        change(5.51, Follow, Some("van")),
+        change(5.52, Cruise, None),
+        change(6.0, EmergencyStop, None),
+        change(6.01, GiveWay, Some("van")),
+    ];
+    let behaviour = BehaviourMetrics { changes, ..BehaviourMetrics::default() };
+    story.metrics.as_mut().unwrap().behaviour = Some(behaviour);
+    let svg = draw(&story).svg();
+    show("states.svg", &svg);
+    for text in ["behaviour", "cruises", "gives way to person", "gives way to van", "follows", "brakes hard"]
+    {
+        assert!(svg.contains(&format!(">{text}<")), "{text}");
+    }
+    assert!(!svg.contains(">follows van<") && !svg.contains("too long"));
+    // Cruise, give way, follow, cruise with a short state, emergency, give way; and four entries of the legend.
+    assert_eq!(
+        svg.matches("fill-opacity=\"0.25\"").count() - without.matches("fill-opacity=\"0.25\"").count(),
+        10
+    );
+    // A planner without states changes nothing.
+    story.metrics.as_mut().unwrap().behaviour = Some(BehaviourMetrics::default());
+    assert_eq!(draw(&story).svg(), without);
+}
