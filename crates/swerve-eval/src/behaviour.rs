@@ -109,6 +109,7 @@ impl Behaviour {
 mod tests {
     use super::*;
     use DrivingState::{Cruise, GiveWay, WaitForGap};
+    use swerve_msg::ActorId;
 
     #[test]
     fn changes_have_their_reasons_and_states_their_times() {
