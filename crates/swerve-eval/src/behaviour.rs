@@ -99,7 +99,7 @@ impl Behaviour {
         }
         Some(BehaviourMetrics {
             changes: self.changes.clone(),
-            seconds: spans.into_iter().map(|(state, span)| (state, span.as_secs())).collect(),
+            seconds: spans.into_iter().map(|(state, span)| (state, seconds(Time::ZERO + span))).collect(),
             stands_since_s: self.stands_since.map(seconds),
         })
     }
@@ -108,6 +108,8 @@ impl Behaviour {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use swerve_msg::ActorId;
+
     use DrivingState::{Cruise, GiveWay, WaitForGap};
     use swerve_msg::ActorId;
 

@@ -79,7 +79,7 @@ struct Part<'a> {
 }
 
 fn changes(story: &Story) -> &[StateChange] {
-    story.metrics.as_ref().and_then(|metrics| metrics.behaviour.as_ref()).map_or(&[], |of| &of.changes)
+    story.metrics.as_ref().and_then(|metrics| metrics.behaviour.as_ref()).map_or(&[][..], |of| &of.changes)
 }
 
 /// Parts of the strip over a time axis; those too narrow to see belong to the one before, except emergencies.
