@@ -108,7 +108,7 @@ fn word_in_the_wrong_place_is_answered_with_the_right_one() {
         ),
         (&["operators", "plannr"], "unknown kind `plannr`; did you mean `planner`?"),
         (&["run", "short.toml", "--set", "latency=200"], "`planning.added_latency_ms`"),
-        (&["run", "short.toml", "-c", "qqqq"], "; the program has camera_objects, deadlines, "),
+        (&["run", "short.toml", "-c", "qqqq"], "; the program has brake_failure, camera_objects, "),
         (&["run", "short.toml", "--planner", "aeb"], "`--set planning.planner=aeb`"),
     ] {
         let said = bench.swerve(args);
