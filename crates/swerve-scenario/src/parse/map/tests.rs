@@ -217,7 +217,7 @@ fn hills_of_other_formats_are_refused_with_their_lane_and_place() {
         "<way id=\"5\"><nd ref=\"1\"/><nd ref=\"2\"/></way><way id=\"6\"><nd ref=\"3\"/><nd ref=\"4\"/></way>".to_owned(),
         "<relation id=\"88\"><member type=\"way\" ref=\"5\" role=\"left\"/>".to_owned(),
         "<member type=\"way\" ref=\"6\" role=\"right\"/><tag k=\"type\" v=\"lanelet\"/>".to_owned(),
-        "<tag k=\"subtype\" v=\"road\"/></relation></osm>".to_owned(),
+        "<tag k=\"subtype\" v=\"road\"/><tag k=\"speed_limit\" v=\"50\"/></relation></osm>".to_owned(),
     ]
     .concat();
     let (start, goal) = ("{ lane = \"88\", s_m = 20.0 }", "{ lane = \"88\", s_m = 80.0 }");
