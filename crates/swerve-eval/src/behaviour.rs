@@ -107,11 +107,10 @@ impl Behaviour {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use swerve_msg::ActorId;
 
+    use super::*;
     use DrivingState::{Cruise, GiveWay, WaitForGap};
-    use swerve_msg::ActorId;
 
     #[test]
     fn changes_have_their_reasons_and_states_their_times() {

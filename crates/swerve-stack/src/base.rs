@@ -65,7 +65,7 @@ pub(crate) fn entries(setup: &Setup) -> Vec<(String, OperatorConfig)> {
         parts.iter().flat_map(|part| part.0.iter().cloned()).collect()
     };
     let mut entries = [of(before), sensors(setup), of(behind)].concat();
-    let paper = (setup.planning.preset == Preset::Paper).then(|| of(&[&PAPER])).unwrap_or_default();
+    let paper = if setup.planning.preset == Preset::Paper { of(&[&PAPER]) } else { Vec::new() };
     for (name, own) in &mut entries {
         if let Some((_, set)) = paper.iter().find(|(known, _)| known == name) {
             *own = changed(own, set);

@@ -28,8 +28,7 @@ struct Posed<'a> {
 
 impl<'a> Posed<'a> {
     fn along(scenario: &'a Scenario, way_m: &'a dyn Fn(f64) -> f64) -> Self {
-        let (left_m, actors): (&dyn Fn(f64) -> f64, &dyn Fn(f64) -> Vec<Actor>) = (&|_| 0.0, &|_| Vec::new());
-        Self { scenario, way_m, left_m, actors, hit: None, duration_s: 60.0 }
+        Self { scenario, way_m, left_m: &|_| 0.0, actors: &|_| Vec::new(), hit: None, duration_s: 60.0 }
     }
 
     fn scores(&self) -> DrivingScores {

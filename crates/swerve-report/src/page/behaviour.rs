@@ -34,7 +34,7 @@ mod tests {
     fn page_has_the_first_changes_and_the_longest_state_first() {
         let one = |k: usize| swerve_eval::StateChange {
             at_s: 0.5 * k as f64,
-            state: Some(if k % 2 == 0 { DrivingState::Cruise } else { DrivingState::Follow }),
+            state: Some(if k.is_multiple_of(2) { DrivingState::Cruise } else { DrivingState::Follow }),
             because: (k % 2 == 1).then(|| "van".to_owned()),
         };
         let seconds = [(DrivingState::Cruise, 20.0), (DrivingState::Follow, 81.5)].into();

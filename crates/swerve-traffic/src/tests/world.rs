@@ -59,8 +59,8 @@ fn cut_off(gap_m: f64) -> (f64, bool) {
 #[test]
 fn car_that_is_cut_off_brakes_as_hard_as_cars_can_and_hits_the_other_if_that_is_not_enough() {
     // 20 m/s of difference take 22 m at 9 m/s², and 2 to 3 m for the first decision.
-    assert_eq!(cut_off(10.0).1, true);
-    assert_eq!(cut_off(30.0).1, false);
+    assert!(cut_off(10.0).1);
+    assert!(!cut_off(30.0).1);
     for gap_m in [2.0, 10.0, 20.0, 30.0, 60.0] {
         let (brakes_mps2, _) = cut_off(gap_m);
         assert!(brakes_mps2 < 9.001, "{gap_m} m: {brakes_mps2} m/s²");
