@@ -209,8 +209,7 @@ verdict = "avoided"
 duration_s = { min = 22.0, max = 32.0 }
 min_distance_m = { min = 0.4 }
 comfort_share = { min = 1.0 }
-time_in_oncoming_lane_s = { min = 1.0, max = 8.0 }
-time_in_oncoming_lane_s = { max = 8.0 }"#,
+time_in_oncoming_lane_s = { min = 1.0, max = 8.0 }"#,
     },
     Situation {
         name: "closed road",
