@@ -2,7 +2,7 @@
 //!
 //! Gog et al., "Pylot: A Modular Platform for Exploring Latency-Accuracy Tradeoffs in Autonomous Vehicles", ICRA 2021. Of
 //! the states of the published code, two can be reached: it follows the waypoints, and after 50 s without motion it
-//! overtakes, until it has moved for 3 s; only that is told. Its motion planners ignore the state; so the decision is that of
+//! overtakes, until it has moved for 3 s; only this state is published. Its motion planners ignore it, so the decision is that of
 //! [`FollowRoute`](crate::FollowRoute).
 
 use schemars::JsonSchema;

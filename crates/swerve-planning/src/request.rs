@@ -27,8 +27,8 @@ pub struct Request<'a> {
     /// their covariances on each side; [`plan_within_risk`](crate::collision::plan_within_risk) scales covariances to
     /// its bound.
     pub predictions: &'a [Prediction],
-    /// Identities of those that stopped, set off or came into sight moving in the last seconds: they may change their
-    /// pace again.
+    /// Identities of those that stopped, set off or came into sight moving in the last seconds, or wait in a queue: they may
+    /// change their pace again.
     pub changed_lately: &'a [ActorId],
     /// Outline of the ego.
     pub shape: &'a Shape,

@@ -192,7 +192,7 @@ impl Logged {
             }
             _ => other::told(self, &pipeline, metrics)?,
         };
-        Ok(with_collision_of_others(states::told(why, metrics), metrics))
+        Ok(with_collision_of_others(states::with_states(why, metrics), metrics))
     }
 
     /// Causal chain of the named actor, else of the nearest one at an instant, else of the one that decided the
@@ -279,7 +279,7 @@ impl Logged {
         };
         let impact = impact_of(&metrics);
         let why = self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })?;
-        Ok(states::told(why, &metrics))
+        Ok(states::with_states(why, &metrics))
     }
 
     /// Causal chain of one actor.

@@ -7,7 +7,7 @@ const NAMED_MAX: usize = 3;
 
 /// Adds to the sentence the states because of its actor, and the state at the collision, or at the end of a drive that
 /// ends at rest or out of time.
-pub(super) fn told(mut why: Why, metrics: &Metrics) -> Why {
+pub(super) fn with_states(mut why: Why, metrics: &Metrics) -> Why {
     let Some(behaviour) = &metrics.behaviour else { return why };
     if let Some(actor) = &why.actor {
         why.sentence += &because_of(behaviour, actor, metrics.impact.map(|impact| impact.at_s));

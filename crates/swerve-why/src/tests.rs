@@ -139,7 +139,7 @@ fn states_of_a_drive_to_a_red_light_are_measured_and_logged() {
 fn states_because_of_the_actor_and_at_the_end_are_named() {
     use swerve_eval::{BehaviourMetrics, StateChange};
     use swerve_msg::DrivingState::{Cruise, Follow, GiveWay, WaitForGap};
-    let told = |of: &dyn Fn(&mut Metrics)| {
+    let sentence = |of: &dyn Fn(&mut Metrics)| {
         let metrics = measured(|metrics| {
             let change = |at_s, state, because: Option<&str>| StateChange {
                 at_s,
@@ -155,22 +155,25 @@ fn states_because_of_the_actor_and_at_the_end_are_named() {
             metrics.behaviour = Some(BehaviourMetrics { changes, ..BehaviourMetrics::default() });
             of(metrics);
         });
-        states::told(Why::new("lead".into(), Verdict::Avoided, ("it passed", Until::End), &[]), &metrics)
-            .sentence
+        states::with_states(
+            Why::new("lead".into(), Verdict::Avoided, ("it passed", Until::End), &[]),
+            &metrics,
+        )
+        .sentence
     };
     let without = Why::new("lead".into(), Verdict::Avoided, ("it passed", Until::End), &[]).sentence;
     let follows = "; the car follows lead from 2.00 s on";
     let of_lead = format!("{without}{follows}, gives way to lead from 4.00 s on");
-    assert_eq!(told(&|_| {}), of_lead);
+    assert_eq!(sentence(&|_| {}), of_lead);
     let at_end = "; at the end the car waits for a gap, because of van, since 6.25 s";
-    assert_eq!(told(&|metrics| metrics.verdict = Verdict::Timeout), format!("{of_lead}{at_end}"));
-    let at_impact = told(&|metrics| {
+    assert_eq!(sentence(&|metrics| metrics.verdict = Verdict::Timeout), format!("{of_lead}{at_end}"));
+    let at_impact = sentence(&|metrics| {
         let (actor, at_s) = (ActorId(1), 3.0);
         let impact = Impact { actor, at_s, ego_speed_mps: 1.0, closing_speed_mps: 1.0, impulse_n_s: 1.0 };
         metrics.impact = Some(impact);
     });
     assert_eq!(at_impact, format!("{without}{follows}; at the collision the car follows lead, since 2.00 s"));
-    assert_eq!(told(&|metrics| metrics.behaviour = None), without);
+    assert_eq!(sentence(&|metrics| metrics.behaviour = None), without);
 }
 
 /// On a slippery road the car leaves the road soon after 2 s without a new pose: the gap decides.

@@ -15,9 +15,9 @@ use crate::paving::{GRASS_M, KERB_M, flags, kerb};
 pub(super) const KERB_FACE_M: [f64; 2] = [GRASS_M, KERB_M as f64];
 /// Width of kerb stones, metres.
 const STONE_M: f64 = 0.16;
-/// Distance of the stations of a pavement where it meets a road, and of samples across it, metres.
+/// Distance of the stations of a pavement where it meets a road, and of samples across it, metres: no road is narrower.
 const DENSE_M: f64 = 0.5;
-const ACROSS_M: f64 = 0.2;
+const ACROSS_M: f64 = 1.0;
 /// Distance from its edges up to which a pavement is not asked whether it is on a road, metres.
 const EDGE_M: f64 = 0.02;
 /// Narrowest pavement, metres.

@@ -6,7 +6,6 @@ use swerve_behaviour::{Roads, Situation};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
 use swerve_geom::LineTracker;
 use swerve_map::Map;
-use swerve_map::conflict::Conflicts;
 use swerve_msg::{Decision, EgoState, PredictionList, Route, TrafficLights};
 use swerve_scenario::Course;
 use swerve_vehicle::VehicleParams;
@@ -32,8 +31,8 @@ impl Registry {
 /// Decides for each frame.
 pub(crate) struct Behaviour<B> {
     planner: B,
-    /// The map and its conflict zones, if the planner reads them.
-    roads: Option<(Arc<Map>, Conflicts)>,
+    /// The map, if the planner reads it and its conflict zones.
+    map: Option<Arc<Map>>,
     vehicle: VehicleParams,
     cruise_mps: f64,
     /// True if it stops at traffic lights.
@@ -104,13 +103,9 @@ impl<B: NamedBehaviour> Kind for Behaviour<B> {
             Course::Map(course) if B::READS_MAP => Some(Arc::clone(&course.map)),
             Course::Map(_) | Course::Strip(_) => None,
         };
-        let roads = map.map(|map| {
-            let conflicts = Conflicts::new(&map);
-            (map, conflicts)
-        });
         Ok(Self {
             planner: B::with_params(table),
-            roads,
+            map,
             vehicle: around.vehicle.clone(),
             cruise_mps: around.scenario.ego.target_speed_mps,
             obeys_lights: site.config().stops_at_lights(),
@@ -137,7 +132,7 @@ impl<B: NamedBehaviour> Operator for Behaviour<B> {
             route,
             number: header.seq,
             place: self.place.of(header.seq).locate(route.line(), ego.pose),
-            roads: self.roads.as_ref().map(|(map, conflicts)| Roads { map, conflicts }),
+            roads: self.map.as_ref().map(|map| Roads { map, conflicts: map.conflicts() }),
             cruise_mps: self.cruise_mps,
             predictions: &predictions.predictions,
             lights: lights.filter(is_on_route).map(|lights| &**lights),
