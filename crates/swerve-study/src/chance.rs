@@ -35,6 +35,18 @@ pub(crate) fn fisher([a, n]: [usize; 2], [b, m]: [usize; 2]) -> f64 {
     (as_unlike / terms.iter().sum::<f64>()).min(1.0)
 }
 
+/// Quantile of Student's t distribution for two-sided 95 % intervals; above nine degrees of freedom by the expansion in
+/// powers of their inverse (Abramowitz and Stegun 26.7.5).
+pub(crate) fn student_95(degrees: usize) -> f64 {
+    const FEW: [f64; 9] = [12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622];
+    if let Some(quantile) = FEW.get(degrees.saturating_sub(1)) {
+        return *quantile;
+    }
+    let (n, z) = (degrees as f64, 1.959_963_984_540_054_f64);
+    let (z3, z5) = (z * z * z, z * z * z * z * z);
+    z + (z3 + z) / (4.0 * n) + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * n * n)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -62,6 +74,15 @@ mod tests {
         ] {
             assert!((fisher(a, b) - likelihood).abs() < 1e-8, "{a:?} {b:?}: {}", fisher(a, b));
             assert_eq!(fisher(b, a), fisher(a, b));
+        }
+    }
+
+    #[test]
+    fn quantiles_of_student_are_those_of_its_tables() {
+        for (degrees, quantile) in
+            [(1, 12.7062), (5, 2.5706), (10, 2.2281), (19, 2.0930), (49, 2.0096), (1000, 1.9623)]
+        {
+            assert!((student_95(degrees) - quantile).abs() < 5e-4, "{degrees}: {}", student_95(degrees));
         }
     }
 }

@@ -20,7 +20,7 @@ pub use forms::{Files, Values};
 use left_out::{check_left_out, left_out};
 pub(crate) use places::overridden;
 
-use crate::tables::{Curve, Ranking, Timely, TimelyPrediction};
+use crate::tables::{Curve, Plot, Ranking, Timely, TimelyPrediction};
 
 /// A checked study.
 #[derive(Clone, Debug)]
@@ -57,6 +57,8 @@ pub struct Study {
     pub off_road_is_good: bool,
     /// Quantity drawn over time, if requested.
     pub curve: Option<Curve>,
+    /// Mean of a metric over an axis, if requested.
+    pub plot: Option<Plot>,
     /// Combinations that are not driven.
     pub leave_out: Vec<LeaveOut>,
     /// Ranking of settings, if requested.
@@ -136,14 +138,18 @@ impl Study {
         if let Some(ranking) = &file.ranking {
             ranking.check(document, &axes, &mut problems);
         }
+        if let Some(plot) = &file.plot {
+            plot.check(document, (&axes, &steps), &mut problems);
+        }
         if let Some(timely) = &file.timely {
             timely.check(document, &axes, &mut problems);
             if file.budget.is_some()
                 || file.curve.is_some()
+                || file.plot.is_some()
                 || file.ranking.is_some()
                 || file.timely_prediction.is_some()
             {
-                let message = "not with budget, curve, ranking or timely_prediction: nothing is driven";
+                let message = "not with budget, curve, plot, ranking or timely_prediction: nothing is driven";
                 problems.push(document.problem("timely", message));
             }
         }
@@ -171,6 +177,7 @@ impl Study {
             timeout_is_good: file.timeout_is_good,
             off_road_is_good: file.off_road_is_good,
             curve: file.curve,
+            plot: file.plot,
             leave_out: file.leave_out,
             ranking: file.ranking,
             timely: file.timely,

@@ -209,6 +209,7 @@ fn study(args: &SuiteArgs, scenarios: Vec<Step>, seeds: &BTreeSet<i64>) -> anyho
         timeout_is_good: false,
         off_road_is_good: false,
         curve: None,
+        plot: None,
         leave_out: Vec::new(),
         ranking: None,
         timely: None,

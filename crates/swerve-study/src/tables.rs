@@ -9,6 +9,8 @@ use swerve_measure::evaluate::prediction::Format;
 use swerve_prediction::PredictorName;
 use swerve_text::{Document, Problems, list, number};
 
+use crate::grid::Step;
+
 /// A quantity over time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -41,6 +43,46 @@ impl Ranking {
             let settings: Vec<&str> = self.settings.iter().map(String::as_str).collect();
             let message = format!("`{name}` is not one of `settings`; expected one of {}", list(&settings));
             problems.push(document.problem("ranking.best_of", message));
+        }
+    }
+}
+
+/// Mean of a metric over a numeric axis.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plot {
+    /// Axis with numbers.
+    pub x: String,
+    /// Column of `cells.csv`. Of booleans, the mean is the share of `true`.
+    pub y: String,
+    /// Axes whose combinations are lines; all others are pooled.
+    #[serde(default)]
+    pub lines: Vec<String>,
+    /// Heading of the picture; default: the column.
+    pub label: Option<String>,
+}
+
+impl Plot {
+    /// Checks the plot against the axes and the labels of their steps.
+    pub(super) fn check(
+        &self,
+        document: &Document,
+        (axes, steps): (&[String], &[Vec<Step>]),
+        problems: &mut Problems,
+    ) {
+        match axes.iter().position(|axis| *axis == self.x) {
+            None => problems.push(document.problem("plot.x", no_axis(&self.x, axes))),
+            Some(axis) => {
+                let is_text = |step: &&Step| !step.label.parse().is_ok_and(f64::is_finite);
+                if let Some(step) = steps[axis].iter().find(is_text) {
+                    let message = format!("expected an axis with numbers, found `{}`", step.label);
+                    problems.push(document.problem("plot.x", message));
+                }
+            }
+        }
+        for name in self.lines.iter().filter(|name| !axes.contains(name) || **name == self.x) {
+            let others: Vec<String> = axes.iter().filter(|axis| **axis != self.x).cloned().collect();
+            problems.push(document.problem("plot.lines", no_axis(name, &others)));
         }
     }
 }

@@ -19,9 +19,9 @@ struct Meeting {
 }
 
 impl Meeting {
-    /// Distances over which an ego at this speed may move over, metres: to have moved when they draw level, and a
-    /// gentler one.
-    fn lengths_m(&self, speed_mps: f64) -> [f64; 2] {
+    /// Distances over which an ego at this speed may move over, metres: to have moved when they draw level, and gentler
+    /// ones.
+    fn lengths_m(&self, speed_mps: f64) -> [f64; MOVES_OVER_M.len()] {
         let in_time_m = speed_mps * MOVES_OVER_S.min(self.at_s);
         MOVES_OVER_M.map(|least_m| in_time_m.max(least_m))
     }
@@ -42,20 +42,21 @@ impl Comfort {
         let slower_mps = SLOWEST_SHARE * request.target_speed_mps;
         let wanted_m = self.params.clearance_m;
         let lengths_m = meeting.lengths_m(request.start.speed_mps.max(0.0));
-        let mut meets = |clearance_m: f64| {
+        let mut meets = |clearance_m: f64, is_gentle: bool| {
             lengths_m.into_iter().find_map(|length_m| {
                 // In a long move the corners swing further.
                 ROOM_SHARES.into_iter().find_map(|share| {
                     let way = (&meeting, share * self.room_m(scene), length_m);
                     let points = self.to_the_right(scene, way, steers_out, (brake_max_mps2, slower_mps));
-                    self.checked(scene, points, clearance_m)
+                    let plan = self.checked(scene, points, clearance_m)?;
+                    (!is_gentle || self.can_steer(&plan, scene)).then_some(plan)
                 })
             })
         };
-        if let Some(plan) = meets(wanted_m) {
+        if let Some(plan) = meets(wanted_m, true).or_else(|| meets(wanted_m, false)) {
             return Some(plan);
         }
-        let firm = meets(HARD_CLEARANCE_M.min(wanted_m));
+        let firm = meets(HARD_CLEARANCE_M.min(wanted_m), false);
         let plan = firm.or_else(|| self.rest_at_edge(scene, &meeting))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
@@ -68,7 +69,7 @@ impl Comfort {
             return None;
         }
         let v = request.start.speed_mps.max(0.0);
-        let [_, length_m] = meeting.lengths_m(v);
+        let [.., length_m] = meeting.lengths_m(v);
         let brake_mps2 = (v * v / (2.0 * length_m)).min(scene.vehicle.brake_max_mps2);
         let way = (meeting, self.room_m(scene), length_m);
         let points = self.to_the_right(scene, way, false, (brake_mps2, 0.0));
@@ -148,4 +149,4 @@ const SLOWEST_SHARE: f64 = 0.4;
 
 /// Duration of moving over, seconds, and its smallest lengths, metres.
 const MOVES_OVER_S: f64 = 2.0;
-const MOVES_OVER_M: [f64; 2] = [5.0, 10.0];
+const MOVES_OVER_M: [f64; 4] = [5.0, 6.5, 8.0, 10.0];

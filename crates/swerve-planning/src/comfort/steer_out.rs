@@ -85,7 +85,7 @@ impl Comfort {
 
     /// Returns true if the steering rate stays within the lateral jerk of comfort; the first step belongs to the
     /// previous plan.
-    fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
+    pub(super) fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
         let (shape, vehicle) = (scene.request.shape, scene.vehicle);
         plan.points.windows(2).skip(1).all(|p| {
             // Front wheels: δ = atan(L κ), so δ' is at most L κ'.

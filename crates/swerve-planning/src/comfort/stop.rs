@@ -51,15 +51,15 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For an ego in a town near people, the gentlest steady braking that suffices, wherever it ends. Up to 30 km/h it
-    /// may use all of the vehicle's braking; above that less, and only for a person who begins to cross. `None` if a
-    /// vehicle is oncoming. An ego at rest waits only for people who move.
+    /// For an ego near people, the gentlest steady braking that suffices, wherever it ends. Up to 30 km/h it may use all
+    /// of the vehicle's braking; above that less, and only for a person who begins to cross. `None` if a vehicle is
+    /// oncoming. An ego at rest waits only for people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
         let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
         let comes = |one: &Mover| is_oncoming(one, scene.request.route, scene.request.shape.width_m);
-        if v > TOWN_MPS || movers.iter().any(comes) || !movers.iter().any(counts) {
+        if movers.iter().any(comes) || !movers.iter().any(counts) {
             return None;
         }
         if v > SLOW_MPS && !movers.iter().any(may_hurry) {
@@ -69,7 +69,8 @@ impl Comfort {
         let beyond = self.lane(request).is_over(scene.place.s_m, scene.place.d_m);
         let way = if beyond { self.gentle.way_on(request, v * SETTLE_S) } else { self.way_in_lane(scene) };
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
-        let firm = [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3];
+        let firm_mps2 = if v > TOWN_MPS { FIRM_FAST_MPS2 } else { FIRM_MPS2 };
+        let firm = [vehicle_mps2.min(firm_mps2), FIRM_MPS3];
         let slow = [[vehicle_mps2, JERK_MPS3], [vehicle_mps2, FIRM_MPS3]];
         let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
         let stop = |&[most_mps2, jerk_mps3]: &[f64; 2]| {
@@ -144,11 +145,14 @@ fn may_hurry(one: &Mover) -> bool {
     one.kind.is_person() && one.changed_lately && one.comes_over()
 }
 
-/// Up to this speed an ego stops for a person who enters its path instead of going round, m/s: 50 km/h; above 30 km/h
-/// only for a person who has just set off, if this deceleration, m/s², built up at this rate, m/s³, suffices.
-const TOWN_MPS: f64 = 14.0;
+/// Up to this speed an ego stops for a person who enters its path instead of going round, m/s: 30 km/h.
 const SLOW_MPS: f64 = 8.5;
+
+/// Above that speed it does so for a person who has just set off if the first of these decelerations suffices, m/s²,
+/// built up at this rate, m/s³; above 50 km/h, in m/s, the second one, which leaves a reserve for what is not foreseen.
 const FIRM_MPS2: f64 = 6.5;
+const FIRM_FAST_MPS2: f64 = 5.0;
+const TOWN_MPS: f64 = 14.0;
 const FIRM_MPS3: f64 = 20.0;
 
 /// A stop in the lane straightens within this time, seconds, and at least this distance, metres; step of its path, metres.

@@ -9,7 +9,7 @@ use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problems, number};
 
 use super::forms::{Files, Values, label_of, name_of};
-use crate::tables::{Curve, Ranking, Timely, TimelyPrediction, no_axis};
+use crate::tables::{Curve, Plot, Ranking, Timely, TimelyPrediction, no_axis};
 
 /// Content of a study file.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
@@ -32,6 +32,8 @@ pub struct StudyFile {
     pub off_road_is_good: bool,
     /// Quantity drawn over time for every combination, in `curve.svg`.
     pub curve: Option<Curve>,
+    /// Mean of a metric over an axis, drawn in `plot.svg`.
+    pub plot: Option<Plot>,
     /// Combinations that are not driven: those with one of the named steps on every named axis.
     #[serde(default)]
     pub leave_out: Vec<LeaveOut>,

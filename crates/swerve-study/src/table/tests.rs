@@ -26,6 +26,7 @@ pub(crate) fn study() -> Study {
         timeout_is_good: false,
         off_road_is_good: false,
         curve: None,
+        plot: None,
         leave_out: vec![],
         ranking: None,
         timely: None,

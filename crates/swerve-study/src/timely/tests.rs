@@ -147,7 +147,7 @@ fn wrong_tables_are_reported_with_their_line() {
         (&format!("{good}\nwalker = 3"), "did you mean `walkers`?"),
         (
             &format!("{good}\n[budget]\nmax_ms = 100"),
-            "timely: not with budget, curve, ranking or timely_prediction",
+            "timely: not with budget, curve, plot, ranking or timely_prediction",
         ),
     ] {
         let error = bench(CAMERA, timely, &speeds("20")).err().map(|e| format!("{e:#}")).unwrap_or_default();
