@@ -40,21 +40,10 @@ fn broken(file: &Path, config: &Setup) -> Vec<String> {
     outcome.broken(expected).into_iter().map(|b| format!("{} under {pipeline}: {b}", scenario.name)).collect()
 }
 
-/// Scenarios whose expectation the default pipeline does not meet yet: docs/nhtsa.md has the reasons.
-const OPEN: [&str; 2] = ["10_animal_without_maneuver", "21_no_maneuver_opposite_direction"];
-
 #[test]
 fn default_pipeline_meets_the_expectation_of_every_scenario() {
-    let is_open = |file: &PathBuf| OPEN.iter().any(|name| file.file_stem().is_some_and(|stem| stem == *name));
-    let (open, held): (Vec<PathBuf>, Vec<PathBuf>) = files().into_iter().partition(is_open);
-    let broken_ones = |files: &[PathBuf]| -> Vec<String> {
-        files.iter().flat_map(|file| broken(file, &Setup::default())).collect()
-    };
-    let broken_now = broken_ones(&held);
-    assert!(broken_now.is_empty(), "{}", broken_now.join("\n"));
-    let mended: Vec<&PathBuf> =
-        open.iter().filter(|file| broken_ones(&[(*file).clone()]).is_empty()).collect();
-    assert!(open.len() == OPEN.len() && mended.is_empty(), "no longer open: {mended:?}");
+    let broken: Vec<String> = files().iter().flat_map(|file| broken(file, &Setup::default())).collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
 #[test]

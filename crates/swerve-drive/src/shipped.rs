@@ -193,6 +193,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/predictors.toml"
     "configs/studies/robustness.toml"
     "configs/studies/robustness_images.toml"
+    "configs/studies/routes_latency.toml"
     "configs/studies/sensor_lost.toml"
     "configs/studies/sensors.toml"
     "configs/studies/table1.toml"
