@@ -194,6 +194,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/robustness.toml"
     "configs/studies/robustness_images.toml"
     "configs/studies/routes_latency.toml"
+    "configs/studies/routes_sensors.toml"
     "configs/studies/sensor_lost.toml"
     "configs/studies/sensors.toml"
     "configs/studies/table1.toml"
