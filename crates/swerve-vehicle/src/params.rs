@@ -171,7 +171,8 @@ pub struct TyreParams {
     /// Lateral force over the tangent of the slip angle.
     #[ranges(nested)]
     pub lateral: MagicFormula,
-    /// Peak friction on any ground, replacing the ground's friction, up to 4; when absent, the ground's.
+    /// Peak friction on the road, replacing the road's friction, up to 4; when absent, the road's. Patches of a scenario
+    /// (`[[slippery]]`) keep theirs.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.01, max = 4.0))]
     pub friction: Option<f64>,
@@ -191,6 +192,13 @@ pub struct TyreParams {
     /// Lateral relaxation length: distance rolled until 63 % of a step of lateral slip has become force, metres.
     #[schemars(range(min = 0.01, max = 10.0))]
     pub relaxation_lateral_m: f64,
+}
+
+impl TyreParams {
+    /// Peak friction on a road of the given friction.
+    pub fn friction_on(&self, road: f64) -> f64 {
+        self.friction.unwrap_or(road)
+    }
 }
 
 impl Default for TyreParams {
