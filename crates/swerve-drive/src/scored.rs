@@ -15,7 +15,7 @@ use swerve_eval::comfort::limits;
 use swerve_eval::score::leaderboard::Struck;
 use swerve_eval::score::nuplan::{self, FreeDriver, Progress, Step, Track, TrackKind, expert_progress_m};
 use swerve_eval::score::{DriveFacts, DriveJudge, DrivingScores, Ego, RoutePlace, StepFacts, Touch};
-use swerve_geom::{Obb, Pose2, Vector2};
+use swerve_geom::{Obb, Point2, Pose2, Vector2};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, ActorKind, Route};
 use swerve_scenario::{Course, Scenario, Slippery};
@@ -100,6 +100,16 @@ impl Cause {
     }
 }
 
+/// Arc length of the place of a route that is nearest to a point. Its first and last lanes are not continued beyond their
+/// ends, as [`Route::project`] does: on the way around a block such a line may come nearer.
+fn place_on(route: &Route, point: Point2) -> f64 {
+    let half_m = 0.5 * route.line().length();
+    let places = route.line().places_near(point, half_m, half_m);
+    let on_route = places.filter(|place| (0.0..=2.0 * half_m).contains(&place.s_m));
+    let nearest = on_route.min_by(|a, b| a.d_m.abs().total_cmp(&b.d_m.abs()));
+    nearest.unwrap_or_else(|| route.project(point)).s_m
+}
+
 /// Scenarios on a route: actors with a trigger, and slippery patches.
 fn scenarios_on(route: &Route, scenario: &Scenario) -> Vec<Running> {
     let line = scenario.road.line();
@@ -107,12 +117,12 @@ fn scenarios_on(route: &Route, scenario: &Scenario) -> Vec<Running> {
     let actors = triggered.map(|actor| Running {
         id: u64::from(actor.id.0),
         cause: Cause::Actor(actor.id),
-        s_m: route.project(actor.pose(&line).point()).s_m,
+        s_m: place_on(route, actor.pose(&line).point()),
         since_s: None,
     });
     let patches = (FIRST_PATCH..).zip(&scenario.slippery).map(|(id, patch)| {
         let end = patch.line.at(patch.line.length()).pose.point();
-        Running { id, cause: Cause::Patch(patch.clone()), s_m: route.project(end).s_m, since_s: None }
+        Running { id, cause: Cause::Patch(patch.clone()), s_m: place_on(route, end), since_s: None }
     });
     actors.chain(patches).collect()
 }

@@ -81,8 +81,8 @@ impl Scenario {
 /// such as `speed_mps` of a motion included.
 fn near_in_named<'t>(table: &'t Table, key: &str, known: &[&'t str]) -> Option<&'t str> {
     let parts: Vec<&str> = key.strip_prefix("scenario.").unwrap_or(key).split('.').collect();
-    let [list, name, last] = parts[..] else { return None };
-    let named = table.get(list).filter(|_| NAMED.contains(&list));
+    let [of, name, last] = parts[..] else { return None };
+    let named = table.get(of).filter(|_| NAMED.contains(&of));
     let named = named.and_then(|all| entry(all, name).ok()?.1)?;
     let mut names = Vec::new();
     names_within(named, &mut names);
@@ -115,14 +115,14 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
     if parts.is_empty() {
         return Err("expected actor.NAME.KEY or scenario.KEY".to_owned());
     }
-    if let [list] = &parts[..]
-        && NAMED.contains(&list.as_str())
+    if let [of] = &parts[..]
+        && NAMED.contains(&of.as_str())
     {
-        return Err(format!("expected {list}.NAME.KEY or scenario.KEY"));
+        return Err(format!("expected {of}.NAME.KEY or scenario.KEY"));
     }
-    if let [list, name, last] = &parts[..]
-        && NAMED.contains(&list.as_str())
-        && let Some(Value::Table(named)) = table.get(list).and_then(|all| entry(all, name).ok()?.1)
+    if let [of, name, last] = &parts[..]
+        && NAMED.contains(&of.as_str())
+        && let Some(Value::Table(named)) = table.get(of).and_then(|all| entry(all, name).ok()?.1)
         && !named.contains_key(last)
     {
         let mut found = Vec::new();
@@ -132,7 +132,7 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
             [only] => parts.splice(2.., only.iter().cloned()).for_each(drop),
             many => {
                 let many: Vec<String> =
-                    many.iter().map(|path| format!("{list}.{name}.{}", path.join("."))).collect();
+                    many.iter().map(|path| format!("{of}.{name}.{}", path.join("."))).collect();
                 let many: Vec<&str> = many.iter().map(String::as_str).collect();
                 return Err(format!("occurs several times; expected one of {}", list(&many)));
             }
@@ -223,7 +223,7 @@ mod tests {
         [[slippery]]
         name = "ice"
         friction = 0.3
-        s_m = 40.0
+        s_m = 0.0
         length_m = 15.0
         [[actor]]
         name = "person"
@@ -315,8 +315,14 @@ mod tests {
             ("actor.person.q=1", "unknown key; expected one of \"d_m\""),
             ("actor.person=1", "--set: actor.person: expected"),
             ("actor=1", "expected actor.NAME.KEY"),
-            ("slippery.ice.friction=9", "--set: slippery.ice.friction: expected a number from 0.01 to 4, found 9"),
-            ("slippery.ise.friction=1", "--set: slippery.ise.friction: there is no \"ise\"; did you mean `ice`?"),
+            (
+                "slippery.ice.friction=9",
+                "--set: slippery.ice.friction: expected a number from 0.01 to 4, found 9",
+            ),
+            (
+                "slippery.ise.friction=1",
+                "--set: slippery.ise.friction: there is no \"ise\"; did you mean `ice`?",
+            ),
             ("slippery.ice.with_m=1", "--set: slippery.ice.with_m: unknown key; did you mean `width_m`?"),
             ("slippery=1", "expected slippery.NAME.KEY"),
             ("scenario.ego.end_m.x=1", "`end_m` is a value"),

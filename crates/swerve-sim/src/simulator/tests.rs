@@ -42,7 +42,10 @@ fn stop_on_a_patch_takes_v_squared_over_2_mu_g() {
             "[[slippery]]\nname = \"ice\"\nfriction = {friction:?}\ns_m = 0.0\nlength_m = 200.0\nwidth_m = 8.0"
         );
         let (way_m, ideal_m) = (driven_stop_m(&road(&patch), &at_hz(200)), stop_m(15.0, friction));
-        assert!((0.92..1.01).contains(&(ideal_m / way_m)), "friction {friction}: {way_m} m, ideal {ideal_m} m");
+        assert!(
+            (0.92..1.01).contains(&(ideal_m / way_m)),
+            "friction {friction}: {way_m} m, ideal {ideal_m} m"
+        );
     }
     let (dry_m, ideal_m) = (driven_stop_m(&road(""), &at_hz(200)), stop_m(15.0, 0.9));
     assert!((0.92..1.01).contains(&(ideal_m / dry_m)), "{dry_m} m, ideal {ideal_m} m");
@@ -111,7 +114,11 @@ fn patch_is_the_same_for_all_egos_and_harmless_beside_the_way() {
     let trace = |scenario: &Scenario| {
         let mut sim = started(scenario, &at_hz(200));
         let mut states = Vec::new();
-        drive(&mut sim, |_| Command { brake: 0.3, ..Command::default() }, |state| states.push(state.ego.clone()));
+        drive(
+            &mut sim,
+            |_| Command { brake: 0.3, ..Command::default() },
+            |state| states.push(state.ego.clone()),
+        );
         states
     };
     let mut short = road(patch);
