@@ -194,13 +194,6 @@ pub struct TyreParams {
     pub relaxation_lateral_m: f64,
 }
 
-impl TyreParams {
-    /// Peak friction on a road of the given friction.
-    pub fn friction_on(&self, road: f64) -> f64 {
-        self.friction.unwrap_or(road)
-    }
-}
-
 impl Default for TyreParams {
     /// Shapes and stiffnesses \[C\] (`p_cx1, p_kx1, p_ex1`; `p_cy1, p_ky1, p_ey1`); load sensitivities and
     /// relaxation lengths in the range of \[P\], sections 4.3 and 8.5.
