@@ -11,7 +11,8 @@ its lane. Road users wait beside the road, beyond the pavement, and end there: n
 
 Every scenario can be solved by a careful driver: when a road user reaches the ego's lane, an ego at the speed limit is
 at least the distance away in which it stops after 1 s of reaction with 4 m/s2, and 5 m more. `distance_m` is that rule.
-Vehicles that cross the ego's way in a junction have the right of way: they brake for nobody.
+Vehicles that cross the ego's way in a junction have the right of way: they brake for nobody. Slippery patches are in
+bends, between the scenarios with road users: who drives the bend with 2 m/s2 has 2 m/s2 left for the brakes.
 """
 
 import math
@@ -23,6 +24,8 @@ REACTION_S, BRAKE_MPS2, SPARE_M = 1.0, 4.0, 5.0
 # Half the ego's length, and half the width of a lane.
 EGO_M, LANE_M = 2.5, 1.75
 WALK_MPS, RIDE_MPS, SLOW_MPS, PULL_MPS = 1.2, 2.5, 4.0, 5.0
+# Friction and length of a slippery patch.
+PATCH_FRICTION, PATCH_M = 0.3, 15.0
 
 
 @dataclass
@@ -64,6 +67,12 @@ def along(s, d):
 def path(speed_mps, *points):
     listed = ", ".join(f"[{s:.1f}, {d:.2f}]" for s, d in points)
     return f"{{ path = {{ speed_mps = {speed_mps}, points = [{listed}] }} }}"
+
+
+def control_loss(name, s):
+    """Type 1: the ego's lane is slippery from `s` on, in a bend."""
+    keys = [f"friction = {PATCH_FRICTION}", f"s_m = {s:.1f}", f"length_m = {PATCH_M}"]
+    return "\n".join(["[[slippery]]", f'name = "{name}"', *keys]) + "\n"
 
 
 def walker(name, s, street, begin_m):
@@ -174,6 +183,7 @@ ROUTES = [
             (hidden_pedestrian, 220, STREET),
             (cyclist_after_turn, 301, STREET),
             (crossing_pedestrian, 370, STREET),
+            (control_loss, 421),
             (cyclist_after_turn, 641, ZONE),
             (crossing_without_lights, 757.9, (12, -1, 178), (13, -1)),
             (hidden_pedestrian, 850, ZONE),
@@ -191,6 +201,7 @@ ROUTES = [
             (cyclist_after_turn, 346, ZONE),
             (crossing_cyclist, 410, ZONE),
             (slow_cyclist, 560, STREET),
+            (control_loss, 668),
             (oncoming_at_left_turn, 813.5, (17, 1, 125), (16, 1)),
             (hidden_pedestrian, 930, ZONE_PARKING),
             (cyclist_after_turn, 1034, ZONE),
@@ -211,6 +222,7 @@ ROUTES = [
             (cyclist_after_turn, 1079, STREET),
             (crossing_cyclist, 1140, STREET),
             (slow_cyclist, 1280, STREET),
+            (control_loss, 1357),
             (oncoming_at_left_turn, 1594.6, (32, -1, 178), (33, -1)),
             (cyclist_after_turn, 1763, OUTER),
         ],
@@ -221,6 +233,7 @@ ROUTES = [
         [
             (cyclist_after_turn, 153, STREET),
             (crossing_pedestrian, 190, STREET),
+            (control_loss, 300),
             (cyclist_after_turn, 1164, STREET),
             (crossing_pedestrian, 1205, STREET),
             (hidden_pedestrian, 1310, STREET),
@@ -237,6 +250,7 @@ ROUTES = [
             (crossing_cyclist, 180, LINK),
             (slow_cyclist, 330, LINK),
             (crossing_pedestrian, 440, LINK),
+            (control_loss, 540),
             (cyclist_after_turn, 1411, LINK),
             (hidden_pedestrian, 1500, LINK),
             (crossing_pedestrian, 1570, LINK),
@@ -248,6 +262,7 @@ ROUTES = [
         [(36, 1, 60), (51, -1, 20), (53, -2, 250), (55, -1, 30), (37, 1, 120), (34, 1, 60)],
         27.8,
         [
+            (control_loss, 146),
             (crossing_cyclist, 270, LINK),
             (crossing_pedestrian, 1265, LINK),
             (cyclist_after_turn, 1322, LINK),
@@ -269,6 +284,7 @@ ROUTES = [
             (crossing_pedestrian, 950, COUNTRY),
             (slow_cyclist, 1130, COUNTRY),
             (hidden_pedestrian, 1450, LINK),
+            (control_loss, 1495),
             (cyclist_after_turn, 1638, LINK),
             (crossing_pedestrian, 1760, LINK),
             (cyclist_after_turn, 1952, STREET),
@@ -282,6 +298,7 @@ ROUTES = [
             (crossing_pedestrian, 240, STREET),
             (hidden_pedestrian, 400, STREET),
             (lead_brakes, 450, STREET),
+            (control_loss, 692),
             (cyclist_after_turn, 832, ZONE),
             (oncoming_at_left_turn, 951.7, (15, 1, 125), (14, 1)),
             (hidden_pedestrian, 1080, ZONE),
@@ -299,6 +316,7 @@ ROUTES = [
             (crossing_cyclist, 600, STREET),
             (hidden_pedestrian, 790, OUTER),
             (crossing_cyclist, 940, PARKING),
+            (control_loss, 1003),
             (crossing_pedestrian, 1120, STREET),
             (crossing_cyclist, 1320, STREET),
             (cyclist_after_turn, 1429, STREET),
@@ -317,6 +335,7 @@ ROUTES = [
             (red_light_runner, 835, STREET),
             (crossing_pedestrian, 1040, STREET),
             (hidden_pedestrian, 1250, STREET),
+            (control_loss, 1270),
             (cyclist_after_turn, 1373, STREET),
             (crossing_cyclist, 1560, STREET),
         ],
@@ -345,8 +364,10 @@ def route(number, stops, target_mps, scenarios):
         f"[ego]\nstart = {start}\nvia = [\n{listed}]\ngoal = {goal}\n"
         f"target_speed_mps = {target_mps}\nstart_speed_mps = 8.0\n"
     )
-    for k, (scenario, *where) in enumerate(scenarios, 1):
-        parts.append(scenario(f"{scenario.__name__}_{k}", *where))
+    patches = [one for one in scenarios if one[0] is control_loss]
+    for listed in (patches, [one for one in scenarios if one[0] is not control_loss]):
+        for k, (scenario, *where) in enumerate(listed, 1):
+            parts.append(scenario(f"{scenario.__name__}_{k}", *where))
     parts.append("[traffic]\nvehicles = 60\npedestrians = 40\n")
     parts.append("[end]\ntimeout_s = 600.0\n")
     parts.append(

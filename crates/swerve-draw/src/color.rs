@@ -72,6 +72,8 @@ pub const TRACK: Color = Color::hex(0x7B3FA0);
 pub const GROUND: Color = Color::hex(0xF4F3EF);
 /// A road.
 pub const ROAD: Color = Color::hex(0xE6E8EB);
+/// Slippery patch of a road.
+pub const SLIPPERY: Color = Color::hex(0x9CC3E6);
 /// Edge of a road.
 pub const ROAD_EDGE: Color = Color::hex(0x7A828C);
 /// Lines between lanes.

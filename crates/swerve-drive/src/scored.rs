@@ -15,10 +15,10 @@ use swerve_eval::comfort::limits;
 use swerve_eval::score::leaderboard::Struck;
 use swerve_eval::score::nuplan::{self, FreeDriver, Progress, Step, Track, TrackKind, expert_progress_m};
 use swerve_eval::score::{DriveFacts, DriveJudge, DrivingScores, Ego, RoutePlace, StepFacts, Touch};
-use swerve_geom::{Obb, Pose2, Vector2};
+use swerve_geom::{Obb, Point2, Pose2, Vector2};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, ActorKind, Route};
-use swerve_scenario::{Course, Scenario};
+use swerve_scenario::{Course, Scenario, Slippery};
 use swerve_vehicle::Shape;
 
 use lanes::Lanes;
@@ -30,7 +30,9 @@ const STEP: Span = Span::from_ms(50);
 const SAMPLE: Span = Span::from_ms(100);
 /// Distance of outlines up to which a contact lasts, metres.
 const CONTACT_M: f64 = 0.05;
-/// Distance beyond the start of a scripted actor at which its scenario is passed, metres.
+/// First identity of the scenarios of patches, above those of all actors.
+const FIRST_PATCH: u64 = 1 << 32;
+/// Distance beyond the start of a scripted actor, or the end of a patch, at which its scenario is passed, metres.
 const PASSED_M: f64 = 20.0;
 /// Speed above which a scripted actor has begun to move, m/s.
 const MOVES_MPS: f64 = 0.1;
@@ -59,7 +61,7 @@ pub(crate) struct Scored {
     shape: Shape,
     /// Identities of the background traffic.
     background: core::ops::Range<u32>,
-    scripted: Vec<Scripted>,
+    running: Vec<Running>,
     /// Parties that the ego touches.
     touching: BTreeSet<ActorId>,
     next_step: Time,
@@ -68,14 +70,61 @@ pub(crate) struct Scored {
     now: Time,
 }
 
-/// An actor whose motion is triggered: a scenario on the route.
+/// A scenario on the route that the ego has not passed.
 #[derive(Clone, Debug)]
-struct Scripted {
-    id: ActorId,
-    /// Position of its start along the route, metres.
+struct Running {
+    /// Identity among the scenarios.
+    id: u64,
+    cause: Cause,
+    /// Position of the start of its actor, or of the end of its patch, along the route, metres.
     s_m: f64,
-    /// Instant at which it began to move, seconds.
+    /// Instant at which it began, seconds.
     since_s: Option<f64>,
+}
+
+/// Event that begins a scenario on the route.
+#[derive(Clone, Debug)]
+enum Cause {
+    /// First motion of an actor with a trigger.
+    Actor(ActorId),
+    /// First contact of the ego with a slippery patch.
+    Patch(Slippery),
+}
+
+impl Cause {
+    fn has_begun(&self, world: &WorldState, outline: &Obb) -> bool {
+        match self {
+            Self::Actor(id) => world.actor(*id).is_some_and(|actor| actor.velocity_mps.norm() > MOVES_MPS),
+            Self::Patch(patch) => outline.corners().iter().any(|corner| patch.contains(*corner)),
+        }
+    }
+}
+
+/// Arc length of the place of a route that is nearest to a point. Its first and last lanes are not continued beyond their
+/// ends, as [`Route::project`] does: on the way around a block such a line may come nearer.
+fn place_on(route: &Route, point: Point2) -> f64 {
+    let half_m = 0.5 * route.line().length();
+    let places = route.line().places_near(point, half_m, half_m);
+    let on_route = places.filter(|place| (0.0..=2.0 * half_m).contains(&place.s_m));
+    let nearest = on_route.min_by(|a, b| a.d_m.abs().total_cmp(&b.d_m.abs()));
+    nearest.unwrap_or_else(|| route.project(point)).s_m
+}
+
+/// Scenarios on a route: actors with a trigger, and slippery patches.
+fn scenarios_on(route: &Route, scenario: &Scenario) -> Vec<Running> {
+    let line = scenario.road.line();
+    let triggered = scenario.actors.iter().filter(|actor| actor.trigger.is_some());
+    let actors = triggered.map(|actor| Running {
+        id: u64::from(actor.id.0),
+        cause: Cause::Actor(actor.id),
+        s_m: place_on(route, actor.pose(&line).point()),
+        since_s: None,
+    });
+    let patches = (FIRST_PATCH..).zip(&scenario.slippery).map(|(id, patch)| {
+        let end = patch.line.at(patch.line.length()).pose.point();
+        Running { id, cause: Cause::Patch(patch.clone()), s_m: place_on(route, end), since_s: None }
+    });
+    actors.chain(patches).collect()
 }
 
 impl Scored {
@@ -90,13 +139,6 @@ impl Scored {
         let background = scenario.traffic.map_or(0..0, |traffic| {
             traffic.first_id.0..traffic.first_id.0.saturating_add(traffic.count() as u32)
         });
-        let line = scenario.road.line();
-        let scripted = scenario.actors.iter().filter(|actor| actor.trigger.is_some());
-        let scripted = scripted.map(|actor| Scripted {
-            id: actor.id,
-            s_m: route.project(actor.pose(&line).point()).s_m,
-            since_s: None,
-        });
         Some(Self {
             judge: DriveJudge::new(length_m),
             lanes: Lanes::new(course),
@@ -108,7 +150,7 @@ impl Scored {
             s_m: start.s_m,
             shape,
             background,
-            scripted: scripted.collect(),
+            running: scenarios_on(route, scenario),
             route: route.clone(),
             touching: BTreeSet::new(),
             next_step: Time::ZERO,
@@ -152,7 +194,7 @@ impl Scored {
         let touches = self.touches(world, outline);
         let place = self.place(outline.center);
         let at_s = world.stamp.as_secs();
-        let scenarios = self.scenarios(world, at_s);
+        let scenarios = self.scenarios(world, outline, at_s);
         let forward_mps = world.ego.state.speed_mps;
         let ego = Ego {
             center: outline.center,
@@ -207,15 +249,15 @@ impl Scored {
         }
     }
 
-    /// Scenarios that are running: from the first motion of their actor until the ego has passed its start.
-    fn scenarios(&mut self, world: &WorldState, at_s: f64) -> Vec<(u64, f64)> {
+    /// Scenarios that are running: from the first motion of their actor, or contact with their patch, until the ego has
+    /// passed them.
+    fn scenarios(&mut self, world: &WorldState, outline: &Obb, at_s: f64) -> Vec<(u64, f64)> {
         let own_m = self.s_m;
-        self.scripted.retain(|one| own_m <= one.s_m + PASSED_M);
-        for one in self.scripted.iter_mut().filter(|one| one.since_s.is_none()) {
-            let moves = |actor: &Actor| actor.velocity_mps.norm() > MOVES_MPS;
-            one.since_s = world.actor(one.id).is_some_and(moves).then_some(at_s);
+        self.running.retain(|one| own_m <= one.s_m + PASSED_M);
+        for one in self.running.iter_mut().filter(|one| one.since_s.is_none()) {
+            one.since_s = one.cause.has_begun(world, outline).then_some(at_s);
         }
-        self.scripted.iter().filter_map(|one| Some((u64::from(one.id.0), one.since_s?))).collect()
+        self.running.iter().filter_map(|one| Some((one.id, one.since_s?))).collect()
     }
 
     /// Mean speed of the vehicles of the background traffic, m/s.

@@ -5,7 +5,7 @@ use swerve_eval::{Metrics, Why};
 use swerve_geom::Point2;
 use swerve_map::{Lane, Side};
 use swerve_report::story::Story;
-use swerve_scenario::{Course, Scenario};
+use swerve_scenario::{Course, Scenario, Slippery};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
@@ -37,6 +37,7 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
         story.lanes =
             course.map.lanes().iter().filter(|lane| lane.kind.is_drivable()).map(outline_of).collect();
     }
+    story.slippery = scenario.slippery.iter().map(Slippery::outline).collect();
     story
 }
 

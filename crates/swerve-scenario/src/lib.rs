@@ -28,6 +28,14 @@
 //! red_s = 10.0
 //! offset_s = 8.0                                      # ? 0; time into the cycle at the start of the run
 //!
+//! [[slippery]]                                        # ? patches of the ground with a friction of their own, at most 200
+//! name = "ice"
+//! friction = 0.2                                      # under the wheels that are on it
+//! s_m = 60.0                                          # its begin
+//! length_m = 15.0
+//! d_m = 0.0                                           # ? 0; its middle
+//! width_m = 4.0                                       # ? the lane's
+//!
 //! [ego]
 //! s_m = 0.0                                           # ?
 //! d_m = 0.0                                           # ?
@@ -67,7 +75,7 @@
 //! impact_speed_mps = { min = 2.0, max = 9.0 }
 //! ```
 //!
-//! **On a map**, tables `map`, `ego` and `actor` have these keys in place of `road`, `s_m` and `end_m`:
+//! **On a map**, tables `map`, `ego`, `actor` and `slippery` have these keys in place of `road`, `s_m` and `end_m`:
 //!
 //! ```toml
 //! [map]                                               # in place of [road]
@@ -94,6 +102,12 @@
 //! kind = "car"
 //! start = { road = "1", lane = -1, s_m = 30.0 }       # ? in place of s_m, which is along the ego's route
 //! goal = { road = "3", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
+//!
+//! [[slippery]]                                        # ? with start, goal and via as an actor, else along the ego's route
+//! name = "ice"
+//! start = { road = "1", lane = -1, s_m = 30.0 }
+//! friction = 0.2
+//! length_m = 15.0
 //!
 //! [traffic]                                           # ? road users that drive and walk by themselves, at most 2,000
 //! vehicles = 60                                       # ? 0
@@ -125,6 +139,7 @@ mod model;
 mod parse;
 mod road;
 mod set;
+mod slippery;
 
 pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
@@ -135,5 +150,6 @@ pub use model::{
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
+pub use slippery::Slippery;
 pub use swerve_map::{Aspect, SignalPhase, SignalProgram};
 pub use swerve_msg::truth::Verdict;

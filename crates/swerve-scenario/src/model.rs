@@ -5,7 +5,7 @@ use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
 use crate::parse::usual_mass_kg;
-use crate::{Course, Expectation, Road, Verdict};
+use crate::{Course, Expectation, Road, Slippery, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug)]
@@ -16,6 +16,8 @@ pub struct Scenario {
     pub description: String,
     /// The road.
     pub road: Road,
+    /// Patches of the ground with a friction of their own, in file order.
+    pub slippery: Vec<Slippery>,
     /// Start, target speed and goal of the ego.
     pub ego: EgoStart,
     /// Identity of the ego in the run: [`ActorId::EGO`], but in the [view](Self::of_ego) of another ego.

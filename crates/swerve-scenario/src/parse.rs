@@ -4,6 +4,7 @@ mod actor;
 mod egos;
 mod expect;
 mod map;
+mod slippery;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -30,6 +31,8 @@ const MOVING: Range = Range::between(0.01, 100.0);
 const WAY: Range = Range::between(0.001, 100_000.0);
 /// Durations, seconds.
 const DURATION: Range = Range::between(0.001, 86_400.0);
+/// Friction coefficients of the ground.
+const FRICTION: Range = Range::between(0.01, 4.0);
 /// Default distance of a traffic light behind its stop line, metres.
 const LIGHT_BEHIND_STOP_M: f64 = 2.0;
 /// Default distance of a traffic light to the right of the drivable ground, metres.
@@ -104,6 +107,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         Ground::Road(ref road) => (String::new(), NO_START, road.clone()),
         Ground::Map(_) => (String::new(), NO_START, no_road()),
     });
+    let slippery = slippery::read(top, &road, map);
     let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
     if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
         top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
@@ -133,6 +137,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         name,
         description,
         road,
+        slippery,
         ego,
         ego_id: ActorId::EGO,
         ego_name,
@@ -224,7 +229,7 @@ fn road(top: &TableReader<'_>) -> Road {
     strip.lane_width_m = table.number_or("lane_width_m", strip.lane_width_m, Range::between(0.1, 20.0));
     strip.left_m = table.number_or("left_m", 0.5 * strip.lane_width_m, Range::between(0.05, 100.0));
     strip.right_m = table.number_or("right_m", 0.5 * strip.lane_width_m, Range::between(0.05, 100.0));
-    road.friction = table.number_or("friction", road.friction, Range::between(0.01, 4.0));
+    road.friction = table.number_or("friction", road.friction, FRICTION);
     for segment in table.tables("segments", |_| None) {
         // Zero is accepted here: a road without length is reported as one problem.
         let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));

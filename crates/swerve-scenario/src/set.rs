@@ -7,6 +7,9 @@ use toml::{Table, Value};
 
 use crate::Scenario;
 
+/// Arrays of tables with names, of which a key also sets the only nested key of its name.
+const NAMED: [&str; 2] = ["actor", "slippery"];
+
 /// A dotted key and its value.
 type Set = (String, Value);
 
@@ -20,7 +23,7 @@ pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
 pub fn is_scenario_key(key: &str) -> bool {
     matches!(
         key.split('.').next(),
-        Some("actor" | "end" | "expect" | "map" | "road" | "scenario" | "traffic")
+        Some("actor" | "end" | "expect" | "map" | "road" | "scenario" | "slippery" | "traffic")
     )
 }
 
@@ -28,7 +31,8 @@ impl Scenario {
     /// As [`parse`](Self::parse), with single keys changed.
     ///
     /// `actor.person.d_m` is a key of the actor `person`. If the actor has no such key, the only key of that name
-    /// within its tables is set: `actor.person.speed_mps` sets `actor.person.motion.0.walk.speed_mps`. Keys of tables
+    /// within its tables is set: `actor.person.speed_mps` sets `actor.person.motion.0.walk.speed_mps`. Patches,
+    /// `slippery.NAME.KEY`, are addressed likewise. Keys of tables
     /// that also exist in configurations are prefixed with `scenario`: `scenario.ego.end_m`. Array elements are
     /// addressed by index, from 0, or by name. The text of the result is that of the scenario with the changes
     /// applied.
@@ -64,7 +68,7 @@ impl Scenario {
                 let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
                 let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
                 let near =
-                    problems.known_beside(&problem.key).and_then(|known| near_in_actor(&table, key, known));
+                    problems.known_beside(&problem.key).and_then(|known| near_in_named(&table, key, known));
                 let nearer = near.map(|near| format!("unknown key; did you mean `{near}`?"));
                 of_set(key, nearer.unwrap_or_else(|| problem.message.clone()))
             });
@@ -73,14 +77,15 @@ impl Scenario {
     }
 }
 
-/// Nearest to an unknown key of an actor: of the known keys, present or not, and all keys within the actor, nested ones
+/// Nearest to an unknown key of an actor or patch: of the known keys, present or not, and all keys within it, nested ones
 /// such as `speed_mps` of a motion included.
-fn near_in_actor<'t>(table: &'t Table, key: &str, known: &[&'t str]) -> Option<&'t str> {
+fn near_in_named<'t>(table: &'t Table, key: &str, known: &[&'t str]) -> Option<&'t str> {
     let parts: Vec<&str> = key.strip_prefix("scenario.").unwrap_or(key).split('.').collect();
-    let ["actor", name, last] = parts[..] else { return None };
-    let actor = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1)?;
+    let [of, name, last] = parts[..] else { return None };
+    let named = table.get(of).filter(|_| NAMED.contains(&of));
+    let named = named.and_then(|all| entry(all, name).ok()?.1)?;
     let mut names = Vec::new();
-    names_within(actor, &mut names);
+    names_within(named, &mut names);
     names.retain(|name| *name != last);
     nearest(last, names.into_iter().chain(known.iter().copied()))
 }
@@ -107,22 +112,27 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
     if parts[0] == "scenario" {
         parts.remove(0);
     }
-    if parts.is_empty() || parts == ["actor"] {
+    if parts.is_empty() {
         return Err("expected actor.NAME.KEY or scenario.KEY".to_owned());
     }
-    if let [first, name, last] = &parts[..]
-        && first == "actor"
-        && let Some(Value::Table(actor)) = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1)
-        && !actor.contains_key(last)
+    if let [of] = &parts[..]
+        && NAMED.contains(&of.as_str())
+    {
+        return Err(format!("expected {of}.NAME.KEY or scenario.KEY"));
+    }
+    if let [of, name, last] = &parts[..]
+        && NAMED.contains(&of.as_str())
+        && let Some(Value::Table(named)) = table.get(of).and_then(|all| entry(all, name).ok()?.1)
+        && !named.contains_key(last)
     {
         let mut found = Vec::new();
-        within(actor, last, &mut Vec::new(), &mut found);
+        within(named, last, &mut Vec::new(), &mut found);
         match &found[..] {
             [] => {}
             [only] => parts.splice(2.., only.iter().cloned()).for_each(drop),
             many => {
                 let many: Vec<String> =
-                    many.iter().map(|path| format!("actor.{name}.{}", path.join("."))).collect();
+                    many.iter().map(|path| format!("{of}.{name}.{}", path.join("."))).collect();
                 let many: Vec<&str> = many.iter().map(String::as_str).collect();
                 return Err(format!("occurs several times; expected one of {}", list(&many)));
             }
@@ -210,6 +220,11 @@ mod tests {
         road = { segments = [{ length_m = 200.0 }] }
         ego = { target_speed_mps = 10.0, end_m = 100.0 }
         expect = { verdict = "avoided", min_distance_m = { min = 0.1 } }
+        [[slippery]]
+        name = "ice"
+        friction = 0.3
+        s_m = 0.0
+        length_m = 15.0
         [[actor]]
         name = "person"
         kind = "pedestrian"
@@ -238,7 +253,8 @@ mod tests {
     fn assignment_sets_the_addressed_key() {
         let base = Scenario::parse("two.toml", TEXT).unwrap();
         type Change = fn(&mut Scenario);
-        let cases: [(&str, Change); 6] = [
+        let cases: [(&str, Change); 7] = [
+            ("slippery.ice.friction=0.2", |s| s.slippery[0].friction = 0.2),
             ("actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
             ("actor.1.d_m=5", |s| s.actors[1].d_m = 5.0),
             ("scenario.actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
@@ -299,6 +315,16 @@ mod tests {
             ("actor.person.q=1", "unknown key; expected one of \"d_m\""),
             ("actor.person=1", "--set: actor.person: expected"),
             ("actor=1", "expected actor.NAME.KEY"),
+            (
+                "slippery.ice.friction=9",
+                "--set: slippery.ice.friction: expected a number from 0.01 to 4, found 9",
+            ),
+            (
+                "slippery.ise.friction=1",
+                "--set: slippery.ise.friction: there is no \"ise\"; did you mean `ice`?",
+            ),
+            ("slippery.ice.with_m=1", "--set: slippery.ice.with_m: unknown key; did you mean `width_m`?"),
+            ("slippery=1", "expected slippery.NAME.KEY"),
             ("scenario.ego.end_m.x=1", "`end_m` is a value"),
             ("scenario.road.segments.7.length_m=1", "there is no entry 7: expected 0 to 0"),
         ] {

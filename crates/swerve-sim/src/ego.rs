@@ -11,7 +11,7 @@ use rapier3d::dynamics::{MassProperties, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, ColliderHandle};
 use rapier3d::pipeline::PhysicsWorld;
 use swerve_core::{Span, Time};
-use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector, math};
+use swerve_geom::{Ego, Map, Point, Point2, Pose2, Transform, Vector, math};
 use swerve_msg::truth::EgoTruth;
 use swerve_msg::{ActorId, Command, EgoState};
 use swerve_vehicle::{BodyMotion, Car, Controls, Ground, VehicleParams};
@@ -103,13 +103,22 @@ impl EgoCar {
 
     /// Applies the forces of this step to the body; must be called before each world step, with the same `dt_s`.
     ///
-    /// `friction` is that of the ground below all wheels. A command that is not finite is refused (the previous one
-    /// stays in force); one out of range is clamped.
-    pub fn apply(&mut self, world: &mut PhysicsWorld, command: &Command, friction: f64, dt_s: f64) {
+    /// `friction` is the peak friction of the car's tyres at a point of the ground. A command that is not finite is
+    /// refused (the previous one stays in force); one out of range is clamped.
+    pub fn apply(
+        &mut self,
+        world: &mut PhysicsWorld,
+        command: &Command,
+        friction: impl Fn(Point2) -> f64,
+        dt_s: f64,
+    ) {
         let motion = self.motion(world);
         let controls =
             Controls { steering_rad: command.steering_rad, throttle: command.throttle, brake: command.brake };
-        let ground = [Ground { height_m: 0.0, friction }; 4];
+        let ground = self.car.contact_points().map(|point| {
+            let at = (motion.map_from_ego * point).coords;
+            Ground { height_m: 0.0, friction: friction(Point2::new(at.x, at.y)) }
+        });
         let forces = self.car.step(&motion, &ground, controls, dt_s);
         self.before = Some(Before {
             velocity_mps: motion.velocity_mps.coords.into(),

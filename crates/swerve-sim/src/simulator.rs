@@ -302,8 +302,10 @@ impl Simulator {
             self.send(i, &before);
         }
         let dt_s = self.params.dt.as_secs();
+        let road = self.params.vehicle.tyre.friction_on(self.scenario.road.friction);
+        let friction = |point: Point2| self.scenario.slippery_at(point).unwrap_or(road);
         for ego in &mut self.egos {
-            ego.car.apply(&mut self.world, &ego.command, self.scenario.road.friction, dt_s);
+            ego.car.apply(&mut self.world, &ego.command, friction, dt_s);
         }
         self.world.step();
         self.state.ego = self.egos[0].car.truth(&self.world);
@@ -535,3 +537,6 @@ fn free_road(scenario: &Scenario, route: &Route, shape: &Shape) -> Result<(), Si
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -23,7 +23,8 @@ pub struct BodyMotion {
 pub struct Ground {
     /// Height in the map, metres.
     pub height_m: f64,
-    /// Peak friction coefficient of a tyre on it; NaN and values at or below 0 give no grip.
+    /// Peak friction coefficient of the car's tyre on it, of a road [`TyreParams::friction_on`](crate::TyreParams::friction_on);
+    /// NaN and values at or below 0 give no grip.
     pub friction: f64,
 }
 
@@ -195,7 +196,7 @@ impl Car {
             let along = [heading[0] * cos - heading[1] * sin, heading[1] * cos + heading[0] * sin];
             let patch = PatchInput {
                 load_n: loads_n[i],
-                friction: self.params.tyre.friction.unwrap_or(ground[i].friction).max(0.0),
+                friction: ground[i].friction.max(0.0),
                 vx_mps: velocity.x * along[0] + velocity.y * along[1],
                 vy_mps: velocity.y * along[0] - velocity.x * along[1],
             };

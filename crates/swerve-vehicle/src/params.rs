@@ -171,7 +171,8 @@ pub struct TyreParams {
     /// Lateral force over the tangent of the slip angle.
     #[ranges(nested)]
     pub lateral: MagicFormula,
-    /// Peak friction on any ground, replacing the ground's friction, up to 4; when absent, the ground's.
+    /// Peak friction on the road, replacing the road's friction, up to 4; when absent, the road's. Patches of a scenario
+    /// (`[[slippery]]`) keep theirs.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.01, max = 4.0))]
     pub friction: Option<f64>,

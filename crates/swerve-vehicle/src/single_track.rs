@@ -45,7 +45,7 @@ const KINEMATIC_BELOW_MPS: f64 = 1.0;
 impl SingleTrack {
     /// Creates the single-track model of a car on ground of the given friction.
     pub fn new(params: &VehicleParams, friction: f64) -> Self {
-        let friction = params.tyre.friction.unwrap_or(friction);
+        let friction = params.tyre.friction_on(friction);
         let slip_peak = params.tyre.longitudinal.peak_slip(friction);
         Self { params: params.clone(), friction, slip_peak }
     }

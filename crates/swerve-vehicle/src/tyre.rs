@@ -3,6 +3,11 @@
 use crate::TyreParams;
 
 impl TyreParams {
+    /// Peak friction on a road of the given friction.
+    pub fn friction_on(&self, road: f64) -> f64 {
+        self.friction.unwrap_or(road)
+    }
+
     fn overload(&self, load_n: f64) -> f64 {
         (load_n / self.nominal_load_n - 1.0).clamp(-1.0, 3.0)
     }

@@ -255,6 +255,61 @@ fn routes_have_fair_scenarios_that_the_ego_triggers() {
     }
 }
 
+/// A patch is slippery in a bend, and nobody makes the ego brake there: no scenario with a road user begins before its end
+/// and is passed after its begin.
+#[test]
+fn routes_have_slippery_bends_between_the_road_users() {
+    for (name, scenario) in routes() {
+        let route = scenario.road.route();
+        assert_eq!(scenario.slippery.len(), 1, "route {name}");
+        for patch in &scenario.slippery {
+            let ends = [0.0, patch.line.length()].map(|s_m| patch.line.at(s_m).pose);
+            let [begin_m, end_m] = ends.map(|pose| place_on(&route, pose.point()));
+            assert!((end_m - begin_m - 15.0).abs() < 0.5, "{name}: from {begin_m} m to {end_m} m");
+            assert!(begin_m > scenario.ego.s_m && end_m < scenario.ego.end_m, "{name}: {begin_m} m");
+            let turn_rad = swerve_geom::angle_between(ends[0].heading_rad, ends[1].heading_rad).abs();
+            assert!(turn_rad > 0.15, "{name}: {}: a bend of {turn_rad} rad", patch.name);
+            // 2 m/s² of lateral acceleration leave 2 m/s² for the brakes.
+            assert!((9.81 * patch.friction).powi(2) > 2.0_f64.powi(2) + 2.0_f64.powi(2));
+            for actor in scenario.actors.iter().filter(|actor| actor.line.is_none()) {
+                let Some(Trigger::Reaches { s_m, .. }) = actor.trigger else { continue };
+                let is_apart = end_m < s_m || actor.s_m + 5.0 < begin_m;
+                assert!(is_apart, "{name}: {} is where {} acts", patch.name, actor.name);
+            }
+        }
+    }
+}
+
+/// A patch is a scenario from the first contact of the ego's outline on: it is not passed in 240 s if the ego then moves
+/// to and fro, with up to 0.2 m/s, so that it is not blocked.
+#[test]
+fn patch_is_a_scenario_from_the_first_contact_on() {
+    let (_, mut scenario) = routes().next().unwrap();
+    (scenario.ego.end_m, scenario.traffic) = (1000.0, None);
+    scenario.actors.clear();
+    let begin_m = place_on(&scenario.road.route(), scenario.slippery[0].line.points()[0]);
+    for (front_m, wanted) in [(-0.5, 0), (0.5, 1)] {
+        let there_m = begin_m + front_m - 2.465 - scenario.ego.s_m;
+        let to_and_fro_m = |for_s: f64| 0.4 * (1.0 - swerve_geom::math::cos(0.5 * for_s));
+        let way_m = |at_s: f64| (10.0 * at_s).min(there_m - to_and_fro_m((at_s - there_m / 10.0).max(0.0)));
+        let scores = Posed { duration_s: 290.0, ..Posed::along(&scenario, &way_m) }.scores();
+        assert_eq!(counts(&scores)[1].scenario_timeouts, wanted, "front {front_m} m beyond the begin");
+    }
+}
+
+/// Where the route turns, its first and last lanes, continued straight, come near places far away from them.
+#[test]
+fn actors_of_the_routes_are_ahead_of_the_ego() {
+    for (name, scenario) in routes() {
+        let route = scenario.road.route();
+        let line = route.line();
+        for actor in scenario.actors.iter().filter(|actor| actor.trigger.is_some() && actor.line.is_none()) {
+            let s_m = place_on(&route, actor.pose(line).point());
+            assert!((s_m - actor.s_m).abs() < 1.0, "{name}: {} at {s_m} m", actor.name);
+        }
+    }
+}
+
 #[test]
 fn road_without_a_map_has_no_scores() {
     let text = include_str!("../../../../scenarios/lane.toml");

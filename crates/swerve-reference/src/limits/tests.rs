@@ -207,6 +207,7 @@ const SCENARIO: &str = r#"
       friction = 0.9, light = [{ name = "a", s_m = 52.0, d_m = -3.0, stop_s_m = 50.0, green_s = 10.0, yellow_s = 3.0,
       red_s = 10.0, offset_s = 1.0 }] }
     ego = { s_m = 5.0, d_m = 0.0, heading_rad = 0.0, target_speed_mps = 10.0, start_speed_mps = 5.0, end_m = 500.0 }
+    slippery = [{ name = "ice", friction = 0.2, s_m = 60.0, length_m = 15.0, d_m = 0.0, width_m = 4.0 }]
     end = { timeout_s = 9.0, after_collision_s = 1.0, standstill = { near = "box", within_m = 9.0, for_s = 1.0 } }
     [[actor]]
     name = "box"
@@ -249,6 +250,7 @@ const ON_MAP: &str = r#"
       red_s = 10.0, offset_s = 1.0 }], closure = [{ at = TO, reported_s = 1.0 }] }
     ego = { start = FROM, via = [VIA], goal = TO, target_speed_mps = 10.0 }
     actor = [{ name = "box", kind = "car", start = FROM_2, via = [VIA], goal = TO }]
+    slippery = [{ name = "ice", friction = 0.2, start = FROM_2, via = [VIA], goal = TO, length_m = 15.0 }]
     traffic = { vehicles = 3, pedestrians = 2, cyclists = 1 }
 "#;
 
@@ -284,6 +286,7 @@ fn place_in_scenario(key: &str) -> String {
     let place = PLACES.iter().find_map(|(start, place)| Some(format!("{place}{}", key.strip_prefix(start)?)));
     let place = place.unwrap_or_else(|| {
         key.replace("actor.NAME", "actor.box")
+            .replace("slippery.NAME", "slippery.ice")
             .replace("light.NAME", "light.a")
             .replace("segments.NAME", "segments.0")
             .replace("via.NAME", "via.0")

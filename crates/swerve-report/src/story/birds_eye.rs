@@ -58,6 +58,7 @@ fn road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     }
     let outline: Vec<At> = a.iter().chain(b.iter().rev()).map(|p| view.at(*p)).collect();
     canvas.path(outline, true, Style::fill(color::ROAD));
+    patches(story, view).for_each(|patch| canvas.path(patch, true, slippery_style()));
     if let Some(lane_m) = story.lane_width_m.filter(|w| *w > 0.5) {
         let style = Style::line(color::LANE, 2.0).dashed(3.0 * view.scale, 3.0 * view.scale);
         // Only lane borders that are on the road all along.
@@ -72,6 +73,17 @@ fn road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
         labels.keep_off_line(edge.iter().map(|p| view.at(*p)));
         polyline(canvas, view, edge, style);
     }
+}
+
+/// Outlines of the slippery patches that the view may show.
+pub(super) fn patches(story: &Story, view: &View) -> impl Iterator<Item = Vec<At>> {
+    let outlines = story.slippery.iter().map(|patch| patch.iter().map(|p| view.at(*p)).collect());
+    outlines.filter(|outline: &Vec<At>| view.may_show(outline))
+}
+
+/// Look of a slippery patch.
+pub(super) fn slippery_style() -> Style {
+    Style::fill(color::SLIPPERY).filled_by(0.5)
 }
 
 fn grid(canvas: &mut Canvas, view: &View) {

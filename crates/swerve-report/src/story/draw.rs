@@ -152,6 +152,8 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
         canvas.circle(at, 5.0, Style::fill(color::ROAD).outlined(color::INK, 1.5));
     });
     add(super::lights::are_there(story, view), lamp, "traffic light, behind its stop line");
+    let has_patches = birds_eye::patches(story, view).next().is_some();
+    add(has_patches, Sign::Block(birds_eye::slippery_style()), "slippery patch");
     add(true, dashed(color::ALARM, 1.0, [2.0, 3.0]), "limit of comfort");
     let without_comfort = Sign::Block(panels::without_comfort_style());
     add(!story.without_comfort().is_empty(), without_comfort, "no comfortable plan was free");

@@ -38,6 +38,8 @@ pub struct Story {
     pub route: Route,
     /// Outlines of the drivable lanes of a map.
     pub lanes: Vec<Vec<Point2>>,
+    /// Outlines of slippery patches.
+    pub slippery: Vec<Vec<Point2>>,
     /// Width of a lane, metres; lane borders are drawn when it is known.
     pub lane_width_m: Option<f64>,
     /// The ego's outline.
@@ -106,6 +108,7 @@ impl Story {
             title: title.into(),
             route,
             lanes: Vec::new(),
+            slippery: Vec::new(),
             lane_width_m,
             outline,
             lights: Vec::new(),

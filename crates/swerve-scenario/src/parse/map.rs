@@ -12,7 +12,7 @@ use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, nearest, read_bytes, unpacked};
 
-use super::{ANGLE, PLACE, SPEED, program};
+use super::{ANGLE, FRICTION, PLACE, SPEED, program};
 use crate::{Closure, Course, EgoStart, MapCourse, Road, SignalProgram, TrafficLight};
 
 /// Length of the line of an actor beyond its start or goal, metres.
@@ -45,7 +45,7 @@ pub(super) struct Way {
 pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Loaded> {
     let table = top.table_if_any("map")?;
     let name = table.text("file");
-    let friction = table.number_or("friction", 0.9, Range::between(0.01, 4.0));
+    let friction = table.number_or("friction", 0.9, FRICTION);
     let tables = table.tables("light", |_| None);
     let lights: Vec<_> = tables.iter().map(light).collect();
     let closed = table.tables("closure", |_| None);

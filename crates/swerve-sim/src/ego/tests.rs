@@ -30,7 +30,8 @@ impl Drive {
     }
 
     fn step(&mut self, command: Command) -> EgoTruth {
-        self.ego.apply(&mut self.world, &command, self.friction, self.dt_s);
+        let friction = self.ego.car().params().tyre.friction_on(self.friction);
+        self.ego.apply(&mut self.world, &command, |_| friction, self.dt_s);
         self.world.step();
         self.ego.truth(&self.world)
     }

@@ -178,12 +178,12 @@ impl<'de> Deserialize<'de> for Values {
     }
 }
 
-/// Default name of an axis: the last part of its key, with the actor's name in front for an actor's key, since the ego
-/// and other actors share key names.
+/// Default name of an axis: the last part of its key, with the name in front for a key of an actor or patch, since these
+/// and the ego share key names.
 pub(super) fn name_of(key: &str) -> String {
     let parts: Vec<&str> = key.split('.').collect();
     match parts[..] {
-        ["actor", actor, .., last] => format!("{actor}.{last}"),
+        ["actor" | "slippery", name, .., last] => format!("{name}.{last}"),
         _ => parts.last().copied().unwrap_or(key).to_owned(),
     }
 }
