@@ -71,7 +71,7 @@ fn ego_stays_at_the_line_where_it_would_be_in_the_way() {
         let decision = waits(&mut posed);
         moves_m(&posed, &decision)
     };
-    let [free_m, taken_m] = [-17.0, -9.0].map(|ahead_m| turn(on_arm(FROM_SOUTH, ahead_m)));
+    let [free_m, taken_m] = [-17.0, -10.5].map(|ahead_m| turn(on_arm(FROM_SOUTH, ahead_m)));
     assert!(free_m > 5.0 && taken_m < 1.0, "{free_m} and {taken_m}");
 }
 
