@@ -36,6 +36,8 @@ class DrivingState(str, Enum):
     """Towards a place where it gives way."""
     WAIT_FOR_GAP = "wait_for_gap"
     """At rest, until those with priority have passed."""
+    CREEP = "creep"
+    """Slowly up to the zone of those with priority, after a stop."""
     STOP_SIGN = "stop_sign"
     """Towards a stop sign, or at rest before it."""
     WAIT_FOR_ROOM = "wait_for_room"

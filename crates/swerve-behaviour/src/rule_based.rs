@@ -9,6 +9,7 @@
 //! Without a map it drives as [`FollowRoute`](crate::FollowRoute).
 
 mod block;
+mod creep;
 mod entry;
 mod others;
 mod people;
@@ -21,6 +22,7 @@ use swerve_core::{Ranges, Time};
 use swerve_msg::{ActorId, Decision, DrivingState, ExpectedStop, Signal, StopPoint, StopReason};
 
 use self::block::{Block, OnLane, RouteCrossing};
+use self::creep::Around;
 use self::entry::{Entry, Refusal, needed_mps2};
 use self::others::{Others, REST_MPS, Vehicle};
 use self::state::Facts;
@@ -82,11 +84,23 @@ pub struct RuleBasedParams {
     /// Gap that is accepted then, seconds.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub gap_s: f64,
+    /// Speed at which the ego moves up to the first zone of those with priority after it has stopped for them, m/s; 0: it
+    /// stays at the line.
+    #[schemars(range(min = 0.0, max = 3.0))]
+    pub creep_mps: f64,
 }
 
 impl Default for RuleBasedParams {
     fn default() -> Self {
-        Self { brake_mps2: 3.0, reaction_s: 0.5, gain_mps2: 2.0, margin_s: 1.0, patience_s: 20.0, gap_s: 3.0 }
+        Self {
+            brake_mps2: 3.0,
+            reaction_s: 0.5,
+            gain_mps2: 2.0,
+            margin_s: 1.0,
+            patience_s: 20.0,
+            gap_s: 3.0,
+            creep_mps: 1.5,
+        }
     }
 }
 
@@ -123,6 +137,11 @@ struct Held {
     free_s: f64,
     /// True once it has stood before its sign.
     has_stood: bool,
+    /// Time at rest by now, seconds.
+    stands_s: f64,
+    /// Place to wait that the ego has moved up to or moves up to, metres, and true while it moves.
+    creep_m: Option<f64>,
+    creeps: bool,
 }
 
 /// Zones and crossings of a route.
@@ -174,13 +193,14 @@ impl RuleBased {
         &mut self,
         at: &Situation<'_>,
         own: Own,
-        (vehicles, red_m): (&[Vehicle], Option<f64>),
+        (vehicles, red_m, lead_m): (&[Vehicle], Option<f64>, Option<f64>),
         dt_s: f64,
     ) -> (Vec<Stop>, Vec<ExpectedStop>) {
         let (mut stops, mut expected) = (Vec::new(), Vec::new());
         let view_m = own.view_m();
-        for (block, held) in &mut self.course.blocks {
-            let to_m = block.stop_m - own.front_m;
+        let Course { blocks, crossings, .. } = &mut self.course;
+        for (block, held) in blocks {
+            let to_m = held.stop_m(block) - own.front_m;
             if block.end_m < own.center_m {
                 continue;
             }
@@ -189,21 +209,25 @@ impl RuleBased {
             if !is_in_view || red_m.is_some_and(|red_m| red_m < block.end_m) {
                 break;
             }
+            let signal = block.light_m.and_then(|line_m| creep::signal(at, line_m));
+            let around = Around { crossings, lead_m, signal };
             let entry = Entry {
                 own,
                 params: &self.params,
                 vehicles,
                 waits_s: held.waits_s,
                 share: if held.goes { GOES_SHARE } else { 1.0 },
-                has_green: block.light_m.is_some_and(|line_m| applies(at, line_m)),
+                has_green: block.light_m.is_some() && signal != Some(Signal::Off),
+                has_moved_up: held.creep_m.is_some(),
+                is_late: matches!(signal, Some(Signal::Yellow | Signal::Red)),
             };
             let most_mps2 = if held.stops { KEEPS_MPS2 } else { self.params.brake_mps2 };
             let is_over = to_m < if held.stops { -PASSED_M } else { 0.0 };
             let is_before = !is_over && needed_mps2(own.speed_mps, to_m) <= most_mps2;
             let stop = if is_before {
-                held.enter(block, &entry, dt_s)
+                held.enter(block, &entry, around, dt_s)
             } else {
-                (held.stops, held.goes) = (false, true);
+                (held.stops, held.goes, held.creeps) = (false, true, false);
                 let inside = entry.stop_inside(block);
                 inside.map(|(s_m, who)| Stop { point: StopPoint { s_m, cause: StopReason::GiveWay }, who })
             };
@@ -268,6 +292,11 @@ impl RuleBased {
         self.course = Course { route: Some(at.number), lanes, blocks, crossings, changes_m };
     }
 
+    /// True if the ego moves up in a junction.
+    fn creeps(&self) -> bool {
+        self.course.blocks.iter().any(|(_, held)| held.creeps)
+    }
+
     /// The state, and the road user because of whom.
     fn state(
         &mut self,
@@ -285,6 +314,7 @@ impl RuleBased {
         let facts = Facts {
             stop: nearest.map(|nearest| nearest.point.cause),
             rests: self.rests,
+            creeps: self.creeps(),
             has_lead: lead.is_some(),
             is_in_junction: at.route.to_junction_m(own.center_m) == 0.0,
             brakes_hard: at.ego.accel_mps2 < -EMERGENCY_MPS2,
@@ -303,11 +333,11 @@ impl RuleBased {
 
 impl Held {
     /// Decides whether the ego enters a block before which it can stop; the stop if it does not.
-    fn enter(&mut self, block: &Block, entry: &Entry<'_>, dt_s: f64) -> Option<Stop> {
+    fn enter(&mut self, block: &Block, entry: &Entry<'_>, around: Around<'_>, dt_s: f64) -> Option<Stop> {
         let own = entry.own;
-        let to_m = block.stop_m - own.front_m;
-        let waits = own.speed_mps < REST_MPS && to_m < AT_LINE_M;
-        if waits {
+        let waits = own.speed_mps < REST_MPS && self.stop_m(block) - own.front_m < AT_LINE_M;
+        self.stands_s = if waits { self.stands_s + dt_s } else { 0.0 };
+        if waits || self.creeps {
             self.waits_s += dt_s;
         } else if own.speed_mps > CREEPS_MPS && !self.goes {
             // One that goes after long waiting still accepts a smaller gap.
@@ -315,33 +345,33 @@ impl Held {
         }
         self.has_stood |= waits && self.waits_s >= STOP_SIGN_S;
         // A front that is over the line by a little stays where it is.
-        let stop =
-            |cause, who| Some(Stop { point: StopPoint { s_m: block.stop_m.max(own.front_m), cause }, who });
+        let stop = |held: &Self, cause, who| {
+            let point = StopPoint { s_m: held.stop_m(block).max(own.front_m), cause };
+            Some(Stop { point, who })
+        };
         if block.has_stop_sign && !self.has_stood {
             (self.stops, self.goes) = (true, false);
-            return stop(StopReason::StopSign, Vec::new());
+            return stop(self, StopReason::StopSign, Vec::new());
         }
         let Some(refusal) = entry.refusal(block) else {
             self.free_s += dt_s;
             self.stops &= self.free_s < FREE_S;
             self.goes = !self.stops;
-            return self.stops.then(|| stop(StopReason::GiveWay, Vec::new())).flatten();
+            self.creeps &= self.stops;
+            return self.stops.then(|| stop(self, StopReason::GiveWay, Vec::new())).flatten();
         };
         (self.free_s, self.stops, self.goes) = (0.0, true, false);
         match refusal {
-            Refusal::GiveWay(who) => stop(StopReason::GiveWay, who),
-            Refusal::NoRoom(who) => stop(StopReason::NoRoom, vec![who]),
+            Refusal::GiveWay(who) => {
+                self.move_up(block, entry, around);
+                stop(self, StopReason::GiveWay, who)
+            }
+            Refusal::NoRoom(who) => {
+                self.creeps = false;
+                stop(self, StopReason::NoRoom, vec![who])
+            }
         }
     }
-}
-
-/// True if the light at a stop line applies: also if it is not seen, but not if it is off.
-fn applies(at: &Situation<'_>, line_m: f64) -> bool {
-    let lights = at.lights.map_or(&[][..], |lights| &lights.lights);
-    let mut own = lights
-        .iter()
-        .filter(|light| light.stop_s_m.is_some_and(|stop_m| (stop_m - line_m).abs() < SAME_LINE_M));
-    !own.any(|light| light.signal == Some(Signal::Off))
 }
 
 impl BehaviourPlanner for RuleBased {
@@ -371,8 +401,13 @@ impl BehaviourPlanner for RuleBased {
             let blocks = self.course.blocks.iter().map(|(block, _)| block.stop_m);
             let crossings = self.course.crossings.iter().map(|(crossing, _)| crossing.stop_m);
             decision.waiting = queue::waiting(own, blocks.chain(crossings), &vehicles);
+            let lead_m = lead.map(|(_, rear_m)| rear_m);
             let red_m = stops.iter().map(|stop| stop.point.s_m).reduce(f64::min);
-            let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m), dt_s);
+            let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m, lead_m), dt_s);
+            if let Some(stop) = more.iter().find(|_| self.creeps()) {
+                decision.limits =
+                    creep::slow(&decision.limits, [at.place.s_m, stop.point.s_m], self.params.creep_mps);
+            }
             decision.expected_to_yield = expected;
             stops.extend(more);
             stops.extend(self.pass_crossings(at, (roads, own)));

@@ -65,6 +65,8 @@ pub enum DrivingState {
     GiveWay,
     /// At rest, until those with priority have passed.
     WaitForGap,
+    /// Slowly up to the zone of those with priority, after a stop.
+    Creep,
     /// Towards a stop sign, or at rest before it.
     StopSign,
     /// Before a junction without room beyond it.
@@ -91,6 +93,7 @@ impl DrivingState {
             Self::WaitAtLight => "waits at a light",
             Self::GiveWay => "gives way",
             Self::WaitForGap => "waits for a gap",
+            Self::Creep => "moves up",
             Self::StopSign => "stops at a stop sign",
             Self::WaitForRoom => "waits for room",
             Self::InJunction => "drives through a junction",

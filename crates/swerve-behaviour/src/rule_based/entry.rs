@@ -21,6 +21,8 @@ const STOPS_MPS2: f64 = 4.0;
 /// Deceleration for which nobody has to brake yet, m/s², and the part of a needed one that is seen when somebody does.
 const EARLY_MPS2: f64 = 2.0;
 const BRAKES_SHARE: f64 = 0.5;
+/// Deceleration of somebody who stops at a light, m/s².
+const SLOWS_MPS2: f64 = 0.5;
 /// Deceleration that an impatient ego imposes on others, m/s².
 const IMPOSED_MPS2: f64 = 2.0;
 /// Deceleration to the speed of others in a merge, m/s².
@@ -61,6 +63,10 @@ pub(super) struct Entry<'a> {
     pub(super) share: f64,
     /// True if a light lets the ego pass: others have red, except for oncoming traffic.
     pub(super) has_green: bool,
+    /// True if the ego has moved up into the block.
+    pub(super) has_moved_up: bool,
+    /// True if that light is not green any more.
+    pub(super) is_late: bool,
 }
 
 /// Passage of the ego through a zone.
@@ -77,7 +83,9 @@ impl Entry<'_> {
     /// Reason why the ego may not enter a block; `None` if it may.
     pub(super) fn refusal(&self, block: &Block) -> Option<Refusal> {
         let mut to: Vec<ActorId> = Vec::new();
-        for zone in &block.zones {
+        // Where the ego stands already, others wait for it.
+        let is_ahead = |zone: &&RouteZone| !self.has_moved_up || zone.at_m[0] > self.own.center_m;
+        for zone in block.zones.iter().filter(is_ahead) {
             let passage = self.passage(block, zone);
             let in_way = self.vehicles.iter().filter(|other| self.is_in_way(other, zone, passage));
             to.extend(in_way.map(|other| other.id));
@@ -144,7 +152,7 @@ impl Entry<'_> {
 
     /// Ways of a vehicle to its begin and end of a zone, metres; `None` if it does not come there, or drives before or
     /// behind the ego on its way.
-    fn way_m(&self, other: &Vehicle, zone: &RouteZone) -> Option<[f64; 2]> {
+    pub(super) fn way_m(&self, other: &Vehicle, zone: &RouteZone) -> Option<[f64; 2]> {
         let is_on_way = other.route_m.is_some_and(|s_m| s_m < zone.at_m[1]);
         let reach = other.reach(zone.zone.other).filter(|_| !is_on_way)?;
         let longer_m = (other.half_m - ZONE_HALF_M).max(0.0);
@@ -153,10 +161,13 @@ impl Entry<'_> {
         (way_m[1] > 0.0).then_some(way_m)
     }
 
-    /// True if a red light holds a vehicle, because the ego has green.
-    fn has_red(&self, other: &Vehicle, zone: &RouteZone) -> bool {
+    /// True if a red light holds a vehicle: because the ego has green, or because the ego's own light ends and the vehicle
+    /// stops.
+    pub(super) fn has_red(&self, other: &Vehicle, zone: &RouteZone) -> bool {
         let has_light = other.reach(zone.zone.other).is_some_and(|reach| reach.has_light);
-        self.has_green && !zone.is_oncoming && has_light
+        let stops = other.speed_mps < REST_MPS || other.gain_mps2 < -SLOWS_MPS2;
+        let is_late = self.has_moved_up && self.is_late && stops;
+        has_light && ((self.has_green && !zone.is_oncoming) || is_late)
     }
 
     /// True if the ego would get into the way of a vehicle, or the other way round, where it does not have to wait.

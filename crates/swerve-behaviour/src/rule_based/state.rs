@@ -10,6 +10,8 @@ pub(super) struct Facts {
     pub(super) stop: Option<StopReason>,
     /// True if the ego is at rest.
     pub(super) rests: bool,
+    /// True if it moves up in a junction while it waits.
+    pub(super) creeps: bool,
     /// True if another vehicle is ahead, nearer than the stop.
     pub(super) has_lead: bool,
     pub(super) is_in_junction: bool,
@@ -34,6 +36,7 @@ pub(super) fn next(facts: Facts) -> DrivingState {
         (Some(Stop::TrafficLight), false, ..) => ApproachLight,
         (Some(Stop::TrafficLight), true, ..) => WaitAtLight,
         (Some(Stop::StopSign), ..) => StopSign,
+        (Some(Stop::GiveWay), ..) if facts.creeps => Creep,
         (Some(Stop::GiveWay), false, ..) => GiveWay,
         (Some(Stop::GiveWay), true, ..) => WaitForGap,
         (Some(Stop::NoRoom), ..) => WaitForRoom,
@@ -58,7 +61,10 @@ mod tests {
         let hard = Facts { brakes_hard: true, ..facts(Some(StopReason::Crossing), false, true, false) };
         let over = |is_in_junction| Facts { is_over_line: true, ..facts(None, false, true, is_in_junction) };
         let change = |stop| Facts { changes_lane: true, ..facts(stop, false, true, false) };
+        let creep = |stop| Facts { creeps: true, ..facts(stop, true, false, true) };
         for (facts, state) in [
+            (creep(Some(StopReason::GiveWay)), Creep),
+            (creep(Some(StopReason::Crossing)), WaitForPedestrian),
             (facts(None, false, false, false), Cruise),
             (facts(None, true, true, false), Follow),
             (facts(None, false, true, true), InJunction),

@@ -1,4 +1,5 @@
 mod among_traffic;
+mod creep;
 mod drive;
 mod posed;
 mod property;

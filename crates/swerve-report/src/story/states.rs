@@ -36,6 +36,7 @@ impl Group {
             | State::WaitAtLight
             | State::GiveWay
             | State::WaitForGap
+            | State::Creep
             | State::StopSign
             | State::WaitForRoom
             | State::WaitForPedestrian => Self::Waits,

@@ -23,6 +23,8 @@ const BEYOND_M: f64 = 4.0;
 const CRAWLS_MPS: f64 = 1.0;
 /// Speed below which a body that is not ours counts as one that stays, m/s.
 const STAYS_MPS: f64 = 0.5;
+/// Speed up to which such a body waits although it moves, m/s.
+const CREEPS_MPS: f64 = 2.0;
 
 /// Reason of a refusal.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -61,6 +63,9 @@ impl Junctions<'_> {
                 }
                 let (other_in_s, other_out_s) = self.passage_s(cars, coming, zone);
                 let Some(other) = cars.get(coming.who) else {
+                    if self.waits_outside(coming, zone, other_in_m) {
+                        continue;
+                    }
                     let moves = self.speed_mps(cars, coming.who) > STAYS_MPS;
                     let is_in = other_in_m <= 0.0;
                     let comes = moves && other_in_s - self.params.margin_s - CLEAR_S < out_s;
@@ -192,8 +197,17 @@ impl Junctions<'_> {
                 let number = other.grant_at(coming.begin_m + zone.other_m[0].max(0.0));
                 number.is_some_and(|number| number < own) || (in_m <= 0.0 && number.is_none())
             }
+            None if self.waits_outside(coming, zone, in_m) => false,
             None => in_m <= 0.0 || (self.speed_mps(cars, coming.who) > STAYS_MPS && in_m < 30.0),
         }
+    }
+
+    /// True if a body that is not ours has to give way, and stands, or moves up slowly before the zone. Where it is on a
+    /// lane, it is a vehicle ahead.
+    fn waits_outside(&self, coming: &Coming, zone: &Zone, in_m: f64) -> bool {
+        let other = coming.who.checked_sub(self.scene.cars).and_then(|k| self.scene.others.get(k));
+        let waits = |v: f64| v < STAYS_MPS || (in_m > 0.0 && v < CREEPS_MPS);
+        !zone.yields && other.is_some_and(|other| waits(other.velocity_mps.norm()))
     }
 
     /// Gap to another vehicle if both were on the lane in which the two lanes end, metres; negative if this one is

@@ -17,6 +17,10 @@ const BEFORE_M: f64 = 0.7;
 const TICK_S: f64 = 0.1;
 /// Deceleration that counts as hard, m/s².
 const HARD_MPS2: f64 = 4.0;
+/// Half of the width of the ego's way, metres.
+const HALF_WAY_M: f64 = 1.3;
+/// Distance from the ego within which others are looked at, metres.
+const NEAR_M: f64 = 30.0;
 
 /// Aspect of a light: green for 15 s of 40 s, in turn for the two axes of the map.
 fn aspect(heading_rad: f64, now: Time) -> Aspect {
@@ -35,6 +39,12 @@ struct Outcome {
     touches: usize,
     hard: usize,
     changes: usize,
+    /// Ticks in which somebody near the ego brakes harder than 4 m/s².
+    forced: usize,
+    /// Number of times that the ego moves up.
+    creeps: usize,
+    /// Time of all drives, seconds.
+    total_s: f64,
 }
 
 struct Ride {
@@ -46,9 +56,10 @@ struct Ride {
 }
 
 impl Ride {
-    fn new(file: &str, way: [i32; 2], seed: u64, obeys: bool) -> Self {
+    fn new(file: &str, way: [i32; 2], seed: u64, obeys: bool, creep_mps: f64) -> Self {
         let mut posed = Posed::on(file).route(on_arm(way[0], -130.0), on_arm(way[1], 100.0));
         posed = posed.ego(on_arm(way[0], -110.0), 0.0, 8.0);
+        posed.planner = RuleBased::new(RuleBasedParams { creep_mps, ..RuleBasedParams::default() });
         let map = Arc::clone(&posed.map);
         let of_map = Arc::clone(&map);
         let lights = Lights::new(move |id, at| {
@@ -92,16 +103,22 @@ impl Ride {
         TrafficLights { stamp: self.now, lights: self.posed.map.signals().iter().map(seen).collect() }
     }
 
-    /// Gap to the nearest vehicle ahead on the route, and its speed.
+    /// Gap to the nearest vehicle ahead of which a corner is on the ego's way, and its speed: one that drives along or
+    /// stands.
     fn lead(&self) -> Option<(f64, f64)> {
         let ahead = self.posed.others.iter().filter_map(|one| {
             let pose = one.path[0].pose;
-            let place = self.posed.route.project_near(pose.point(), self.posed.front_m, 60.0);
-            let line_rad = self.posed.route.line().at(place.s_m).pose.heading_rad;
-            let is_on =
-                place.d_m.abs() < 1.7 && swerve_geom::angle_between(line_rad, pose.heading_rad).abs() < 0.8;
-            let gap_m = place.s_m - 0.5 * one.extent.length_m - self.posed.front_m;
-            (is_on && place.s_m > self.posed.front_m).then(|| (gap_m, others::speed_mps(one)))
+            let route = &self.posed.route;
+            let near = |point| route.project_near(point, self.posed.front_m, 60.0);
+            let (place, speed_mps) = (near(pose.point()), others::speed_mps(one));
+            let line_rad = route.line().at(place.s_m).pose.heading_rad;
+            let is_along = swerve_geom::angle_between(line_rad, pose.heading_rad).abs() < 0.8;
+            let corners = one.extent.footprint(pose).corners().map(near);
+            let on = corners.iter().chain([&place]).filter(|at| at.d_m.abs() < HALF_WAY_M);
+            let first_m = on.map(|at| at.s_m).fold(f64::INFINITY, f64::min);
+            let is_ahead = place.s_m > self.posed.front_m && first_m.is_finite();
+            let gap_m = (first_m - self.posed.front_m).max(0.1);
+            (is_ahead && (is_along || speed_mps < REST_MPS)).then_some((gap_m, speed_mps))
         });
         ahead.min_by(|a, b| a.0.total_cmp(&b.0))
     }
@@ -119,18 +136,28 @@ impl Ride {
     fn drive(mut self) -> Outcome {
         let mut outcome = Outcome::default();
         let end_m = self.posed.route.project(self.posed.end.point()).s_m - 40.0;
-        let mut stopped = false;
+        let (mut stopped, mut crept) = (false, false);
         while self.posed.front_m < end_m && outcome.took_s < 240.0 {
+            let before: Vec<f64> = self.posed.others.iter().map(others::speed_mps).collect();
             self.posed.others = self.predictions();
+            let body = self.body();
+            let brakes = |(v, one): &(&f64, &Prediction)| {
+                let is_near = one.path[0].pose.point().distance(body.center.point()) < NEAR_M;
+                is_near && *v - others::speed_mps(one) > HARD_MPS2 * TICK_S
+            };
+            outcome.forced += before.iter().zip(&self.posed.others).filter(brakes).count();
             self.posed.lights = Some(self.lights());
             let decision = self.posed.decide();
             let obeyed = |stop: &&StopPoint| self.obeys || stop.cause == StopReason::TrafficLight;
             let stop = decision.stops.iter().find(obeyed);
             outcome.changes += usize::from(stop.is_some() != stopped);
             stopped = stop.is_some();
+            let creeps = decision.state == Some(DrivingState::Creep);
+            outcome.creeps += usize::from(creeps && !crept);
+            crept = creeps;
             let v = self.posed.speed_mps;
             let wall = stop.map(|stop| (stop.s_m - BEFORE_M - self.posed.front_m + DRIVER.stand_gap_m, 0.0));
-            let free_mps = self.free_mps();
+            let free_mps = self.free_mps().min(decision.speed_mps(self.posed.front_m, 2.0));
             let gain = |next| DRIVER.acceleration_mps2(v, free_mps, next);
             let gain_mps2 = gain(self.lead()).min(gain(wall)).clamp(-8.0, 1.5);
             outcome.hard += usize::from(gain_mps2 < -HARD_MPS2);
@@ -175,14 +202,17 @@ impl Ride {
 }
 
 /// Drives over four maps; the sums of their outcomes, with the longest time.
-fn rides(obeys: bool) -> Outcome {
+fn rides(obeys: bool, creep_mps: f64) -> Outcome {
     let files = ["crossing_right_first.xodr", "crossing_priority.xodr", "crossing.xodr", "roundabout.xodr"];
     let straight = [FROM_NORTH, FROM_NORTH];
     let ways = [[FROM_WEST, FROM_WEST], straight, [FROM_SOUTH, FROM_EAST], [FROM_SOUTH, FROM_WEST]];
     let mut sums = Outcome::default();
     for file in files {
-        for (k, way) in ways.into_iter().chain(ways).enumerate() {
-            let outcome = Ride::new(file, way, 1 + k as u64 / 4, obeys).drive();
+        for (seed, way) in (1..=2).flat_map(|seed| ways.map(|way| (seed, way))) {
+            let outcome = Ride::new(file, way, seed, obeys, creep_mps).drive();
+            sums.forced += outcome.forced;
+            sums.creeps += outcome.creeps;
+            sums.total_s += outcome.took_s;
             sums.took_s = sums.took_s.max(outcome.took_s);
             sums.touches += outcome.touches;
             sums.hard += outcome.hard;
@@ -194,12 +224,17 @@ fn rides(obeys: bool) -> Outcome {
 
 #[test]
 fn ego_passes_junctions_in_dense_traffic_without_contact() {
-    let outcome = rides(true);
+    let outcome = rides(true, RuleBasedParams::default().creep_mps);
     assert_eq!(outcome.touches, 0, "{outcome:?}");
     assert!(outcome.took_s < 150.0, "{outcome:?}");
     // 32 drives: about one stop and start each.
     assert!(outcome.changes < 32 * 4, "{outcome:?}");
+    // From where it has moved up to, it goes earlier, and nobody brakes harder for it.
+    let stays = rides(true, 0.0);
+    assert!(outcome.creeps > 8 && stays.creeps == 0, "{outcome:?} and {stays:?}");
+    assert!(outcome.total_s < 0.97 * stays.total_s, "{outcome:?} and {stays:?}");
+    assert!(outcome.forced <= stays.forced, "{outcome:?} and {stays:?}");
     // An ego that stops at lights alone brakes hard for those with priority.
-    let regardless = rides(false);
+    let regardless = rides(false, 0.0);
     assert!(2 * outcome.hard < regardless.hard, "{outcome:?} and {regardless:?}");
 }

@@ -25,7 +25,7 @@ pub(super) struct Posed {
     pub(super) route: Route,
     /// Destination.
     pub(super) end: Pose2,
-    planner: RuleBased,
+    pub(super) planner: RuleBased,
     now: Time,
     pub(super) others: Vec<Prediction>,
     pub(super) lights: Option<TrafficLights>,
