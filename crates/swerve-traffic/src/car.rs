@@ -198,7 +198,9 @@ impl Car {
         let point = at.point() + left * d_m;
         // A vehicle at rest does not slide sideways; one that moves heads where it goes.
         let rate_mps = if speed_mps > 1.0 { rate_mps } else { 0.0 };
-        let heading_rad = at.heading_rad + math::atan2(rate_mps, speed_mps.max(1.0));
+        // The angle of a motion straight ahead is zero with the sign of its rate.
+        let off_rad = if rate_mps == 0.0 { rate_mps } else { math::atan2(rate_mps, speed_mps.max(1.0)) };
+        let heading_rad = at.heading_rad + off_rad;
         (Pose2::new(point.x_m, point.y_m, heading_rad), ahead * speed_mps + left * rate_mps)
     }
 
