@@ -99,6 +99,8 @@ pub(crate) struct Car {
     pub(crate) stops: Option<(usize, usize)>,
     /// True after a collision: physics moves it.
     pub(crate) is_hit: bool,
+    /// Pose and velocity until the next tick, if it rests up to then.
+    pub(crate) rests_at: Option<(Pose2, Vector2)>,
 }
 
 impl Car {
@@ -172,6 +174,11 @@ impl Car {
         let along_m = self.speed_mps * moves_s + 0.5 * self.gain_mps2 * moves_s * moves_s;
         let speed_mps = (self.speed_mps + self.gain_mps2 * dt_s).max(0.0);
         (along_m.max(0.0), speed_mps)
+    }
+
+    /// True if it rests until the next tick.
+    pub(crate) fn rests(&self) -> bool {
+        self.speed_mps == 0.0 && self.gain_mps2 == 0.0 && self.change.is_none()
     }
 
     /// Lateral offset and its rate, metres and m/s, a time after the last tick.

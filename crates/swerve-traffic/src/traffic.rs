@@ -188,7 +188,8 @@ impl Traffic {
         match self.slots.of(id)? {
             Slot::Car(k) if self.cars[k].is_hit => None,
             Slot::Car(k) => {
-                let (pose, velocity_mps) = self.cars[k].movement(&self.net, after_s);
+                let car = &self.cars[k];
+                let (pose, velocity_mps) = car.rests_at.unwrap_or_else(|| car.movement(&self.net, after_s));
                 Some(Movement { pose, velocity_mps })
             }
             Slot::Walker(k) => self.walkers.movement(k, after_s),
@@ -227,6 +228,7 @@ impl Traffic {
         self.walkers.decide(&self.net, &self.cars, &self.scene, (lights, self.tick), dt_s);
         for (car, (gain_mps2, at_red)) in self.cars.iter_mut().zip(decisions) {
             (car.gain_mps2, car.at_red) = (gain_mps2, at_red);
+            car.rests_at = car.rests().then(|| car.movement(&self.net, 0.0));
             self.counts.hard_brakes += u64::from(gain_mps2 < -8.5 && car.speed_mps > 1.0);
             if at_red {
                 car.stands_s = 0.0;
