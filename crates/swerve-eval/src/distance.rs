@@ -58,8 +58,8 @@ impl Clearances {
     /// Adds the world state after one step.
     pub fn take(&mut self, world: &WorldState) {
         let footprint = self.ego.footprint(world.ego.state.pose);
-        for actor in &world.actors {
-            let slot = self.slot(actor);
+        for (index, actor) in world.actors.iter().enumerate() {
+            let slot = self.slot(index, actor);
             let known_m = self.nearest[slot].distance_m;
             let hit = world.collisions_of_ego().any(|(other, _)| other == actor.id);
             let distance_m = if hit { 0.0 } else { distance(&footprint, actor, known_m) };
@@ -82,7 +82,11 @@ impl Clearances {
         self.nearest.iter().min_by(order).copied()
     }
 
-    fn slot(&mut self, actor: &Actor) -> usize {
+    /// Place of an actor, which is mostly that in the list of all actors.
+    fn slot(&mut self, index: usize, actor: &Actor) -> usize {
+        if self.nearest.get(index).is_some_and(|known| known.actor == actor.id) {
+            return index;
+        }
         match self.nearest.binary_search_by_key(&actor.id, |c| c.actor) {
             Ok(slot) => slot,
             Err(slot) => {
@@ -97,6 +101,12 @@ impl Clearances {
 
 /// Distance from the ego's footprint to an actor; returns `known_m` early if it cannot be smaller.
 fn distance(ego: &Obb, actor: &Actor, known_m: f64) -> f64 {
+    // Two sides of a rectangle are longer than its diagonal. This rules out most actors without a square root.
+    let sides_m = ego.half_length_m + ego.half_width_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
+    let reach_m = known_m + sides_m;
+    if (ego.center.point() - actor.pose.point()).norm_squared() > 1.01 * reach_m * reach_m {
+        return known_m;
+    }
     let circle = actor.kind == ActorKind::Pedestrian;
     let half_m = 0.5 * actor.extent.width_m;
     let footprint = actor.extent.footprint(actor.pose);

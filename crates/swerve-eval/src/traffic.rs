@@ -107,14 +107,16 @@ pub(crate) struct Traffic {
     next: Option<Time>,
     last: Option<(Time, Point2)>,
     s_m: Option<f64>,
+    /// Distance of the ego from a lead within which that is searched for, metres.
+    lead_m: f64,
     figures: TrafficMetrics,
 }
 
 impl Traffic {
     /// Creates an accumulator for an ego of this outline on a route.
     pub(crate) fn new(ego: Outline, route: Option<Route>, norm: Norm) -> Self {
-        let figures = TrafficMetrics::default();
-        Self { ego, norm, route, next: None, last: None, s_m: None, figures }
+        let (figures, lead_m) = (TrafficMetrics::default(), lead_m(route.as_ref()));
+        Self { ego, norm, route, next: None, last: None, s_m: None, lead_m, figures }
     }
 
     /// Returns true if this is the route of the ego already.
@@ -124,6 +126,7 @@ impl Traffic {
 
     /// Takes another route of the ego.
     pub(crate) fn follow(&mut self, route: Route) {
+        self.lead_m = lead_m(Some(&route));
         (self.route, self.s_m) = (Some(route), None);
     }
 
@@ -152,7 +155,16 @@ impl Traffic {
     fn time_to_collision(&mut self, world: &WorldState, outline: &Obb) {
         let own = world.ego.velocity_mps.coords;
         let own = Vector2::new(own.x, own.y);
+        let own_m = outline.half_length_m + outline.half_width_m;
         for actor in &world.actors {
+            // One that is too far away to be there sooner is left out.
+            let sides_m = own_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
+            let most_s = self.figures.min_ttc_s.unwrap_or(TTC_MAX_S);
+            let reach_m = sides_m + most_s * (actor.velocity_mps - own).norm();
+            let between_m = actor.pose.point() - outline.center.point();
+            if between_m.norm_squared() > 1.01 * reach_m * reach_m {
+                continue;
+            }
             let soon = |time_s: &f64| *time_s <= TTC_MAX_S;
             let Some(time_s) = actor.time_to_contact_s(outline, own).filter(soon) else { continue };
             if self.figures.min_ttc_s.is_none_or(|least_s| time_s < least_s) {
@@ -200,12 +212,15 @@ impl Traffic {
         let oncoming_s = self.figures.time_in_oncoming_lane_s.get_or_insert(0.0);
         *oncoming_s += if is_oncoming { (world.stamp - since).as_secs() } else { 0.0 };
         if route.lane().contains(place) && world.ego.state.speed_mps > STANDS_MPS {
-            self.headway(world, place.s_m, route);
+            self.headway(world, (center, place.s_m), route);
         }
     }
 
-    fn headway(&mut self, world: &WorldState, s_m: f64, route: &Route) {
+    fn headway(&mut self, world: &WorldState, (center, s_m): (Point2, f64), route: &Route) {
         let gap_m = |actor: &Actor| {
+            if (actor.pose.point() - center).norm_squared() > self.lead_m * self.lead_m {
+                return None;
+            }
             let place = lead_place(actor, route, s_m).filter(|place| route.lane().contains(*place))?;
             Some(place.s_m - s_m - 0.5 * (actor.extent.length_m + self.ego.length_m))
         };
@@ -216,6 +231,12 @@ impl Traffic {
             self.figures.min_headway_at_s = Some(seconds(world.stamp));
         }
     }
+}
+
+/// Distance between an ego and a lead that are both in the lane of a route and at most [`AHEAD_M`] apart along it, at most,
+/// metres.
+fn lead_m(route: Option<&Route>) -> f64 {
+    route.map_or(0.0, |route| AHEAD_M + 2.0 * route.lane().farthest_m().max(0.0) + 1.0)
 }
 
 /// Position along the route of a vehicle ahead of `s_m` that moves or faces along the lane.

@@ -1,7 +1,12 @@
 //! Reference lines by arc length, and the Frenet frame along them.
 
+mod boxes;
+
+use core::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
+use self::boxes::{Boxes, SEGMENTS};
 use crate::{Point2, Pose2, Vector2, angle_between, wrap_angle};
 
 /// A line through points, parametrised by arc length `s` (metres from its first point).
@@ -14,6 +19,8 @@ pub struct Polyline {
     s_m: Vec<f64>,
     heading_rad: Vec<f64>,
     curvature_1pm: Vec<f64>,
+    #[serde(skip)]
+    boxes: Boxes,
 }
 
 /// A point of the line with its direction and curvature.
@@ -93,7 +100,8 @@ impl Polyline {
         }
         let heading_rad = headings(&kept, &s_m);
         let curvature_1pm = curvatures(&heading_rad, &s_m);
-        Ok(Self { points: kept, s_m, heading_rad, curvature_1pm })
+        let boxes = Boxes::new(&kept);
+        Ok(Self { points: kept, s_m, heading_rad, curvature_1pm, boxes })
     }
 
     /// Creates a line through `points`, resampled every `step_m` along a natural cubic spline over arc length, so
@@ -244,11 +252,31 @@ impl Polyline {
         })
     }
 
+    /// Nearest position on the segments from `first` to `last`, the first of equally near ones. Segments in boxes that
+    /// are farther away than a segment in the nearest box are left out.
     fn project_between(&self, point: Point2, first: usize, last: usize) -> FrenetPoint {
-        let mut best = FrenetPoint::default();
-        let mut best_squared = f64::INFINITY;
+        let mut best = Nearest::default();
+        if !self.boxes.serve(last.saturating_sub(first)) {
+            self.offer(point, first..last, &mut best);
+            return self.place(point, &best);
+        }
+        let segments_of = |k: usize| (k * SEGMENTS).max(first)..((k + 1) * SEGMENTS).min(last);
+        let mut near = Nearest::default();
+        self.offer(point, segments_of(self.boxes.nearest(point, first, last)), &mut near);
+        let ends = [0, (self.points.len() - 2) / SEGMENTS];
+        for k in first / SEGMENTS..=(last - 1) / SEGMENTS {
+            // The end segments go on beyond their boxes.
+            if ends.contains(&k) || self.boxes.may_reach(k, point, near.squared_m2) {
+                self.offer(point, segments_of(k), &mut best);
+            }
+        }
+        self.place(point, &best)
+    }
+
+    /// Compares the nearest position so far with those on some segments.
+    fn offer(&self, point: Point2, segments: Range<usize>, best: &mut Nearest) {
         let end = self.points.len() - 2;
-        for i in first..last {
+        for i in segments {
             let (a, b) = (self.points[i], self.points[i + 1]);
             let (along, to) = (b - a, point - a);
             let length_squared = along.norm_squared();
@@ -259,14 +287,22 @@ impl Polyline {
             let t = raw.clamp(low, high);
             let off: Vector2 = to - along * t;
             let squared = off.norm_squared();
-            if squared < best_squared {
-                best_squared = squared;
-                let length = length_squared.sqrt();
-                let side = if along.cross(to) < 0.0 { -1.0 } else { 1.0 };
-                best = FrenetPoint { s_m: self.s_m[i] + t * length, d_m: side * squared.sqrt() };
+            if squared < best.squared_m2 {
+                *best = Nearest { squared_m2: squared, segment: i, t };
             }
         }
-        best
+    }
+
+    /// Place of the nearest position to `point`; the begin of the line if there is none.
+    fn place(&self, point: Point2, nearest: &Nearest) -> FrenetPoint {
+        let &Nearest { squared_m2, segment: i, t } = nearest;
+        if squared_m2 == f64::INFINITY {
+            return FrenetPoint::default();
+        }
+        let (a, b) = (self.points[i], self.points[i + 1]);
+        let (along, to) = (b - a, point - a);
+        let side = if along.cross(to) < 0.0 { -1.0 } else { 1.0 };
+        FrenetPoint { s_m: self.s_m[i] + t * along.norm_squared().sqrt(), d_m: side * squared_m2.sqrt() }
     }
 
     /// Index of the segment that contains `s_m`; the end segments also cover arc lengths beyond them.
@@ -284,6 +320,19 @@ impl Polyline {
             i += 1;
         }
         i
+    }
+}
+
+/// Nearest position so far: squared distance, m², segment, and the share of it up to the position.
+struct Nearest {
+    squared_m2: f64,
+    segment: usize,
+    t: f64,
+}
+
+impl Default for Nearest {
+    fn default() -> Self {
+        Self { squared_m2: f64::INFINITY, segment: 0, t: 0.0 }
     }
 }
 
@@ -415,6 +464,29 @@ mod tests {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(10.0, 0.0)]).unwrap();
         assert_eq!(line.project(Point2::new(-5.0, 2.0)), FrenetPoint { s_m: -5.0, d_m: 2.0 });
         assert_eq!(line.at(14.0).pose, Pose2::new(14.0, 0.0, 0.0));
+    }
+
+    /// A line that crosses itself, projected with its boxes and without them.
+    #[test]
+    fn boxes_do_not_change_projections() {
+        let eight = |k: i32| {
+            let (sin, cos) = math::sin_cos(0.01 * f64::from(k));
+            Point2::new(40.0 * sin, 40.0 * sin * cos)
+        };
+        let line = Polyline::new(&(0..1300).map(eight).collect::<Vec<_>>()).unwrap();
+        let plain = Polyline { boxes: Boxes::default(), ..line.clone() };
+        for k in 0..4000 {
+            let [x, y] = [k * 37 % 1000, k * 61 % 983].map(|m| 0.12 * f64::from(m) - 60.0);
+            let point = Point2::new(x, y);
+            assert_eq!(line.project(point), plain.project(point), "{point:?}");
+            let near_s_m = f64::from(k % 400);
+            let both = [&line, &plain].map(|line| line.project_near(point, near_s_m, 45.0));
+            assert_eq!(both[0], both[1], "{point:?} near {near_s_m}");
+        }
+        for point in [Point2::new(f64::NAN, 1.0), Point2::new(f64::INFINITY, 0.0), eight(7)] {
+            let both = [&line, &plain].map(|line| format!("{:?}", line.project(point)));
+            assert_eq!(both[0], both[1]);
+        }
     }
 
     #[test]

@@ -93,7 +93,7 @@ pub enum MapError {
 }
 
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Bounds {
+pub(crate) struct Bounds {
     low: Point2,
     high: Point2,
 }
@@ -126,7 +126,7 @@ impl Bounds {
     }
 
     /// Returns true if a point is inside, or outside by at most `within_m` along each axis.
-    fn has(&self, point: Point2, within_m: f64) -> bool {
+    pub(crate) fn has(&self, point: Point2, within_m: f64) -> bool {
         (self.low.x_m - within_m..=self.high.x_m + within_m).contains(&point.x_m)
             && (self.low.y_m - within_m..=self.high.y_m + within_m).contains(&point.y_m)
     }
@@ -300,10 +300,9 @@ impl Map {
     }
 
     /// Lanes whose bounding boxes are within `within_m` of that of a lane, itself included, ordered by identity.
-    pub(crate) fn near(&self, lane: &Lane, within_m: f64) -> impl Iterator<Item = &Lane> {
+    pub(crate) fn near(&self, lane: &Lane, within_m: f64) -> impl Iterator<Item = (&Lane, &Bounds)> {
         let own = Bounds::around(lane);
-        let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, other)| own.is_near(other, within_m));
-        near.map(|(lane, _)| lane)
+        self.lanes.iter().zip(&self.bounds).filter(move |(_, other)| own.is_near(other, within_m))
     }
 
     /// Lanes that contain a point, ordered by identity: several where lanes cross, merge or share a border.

@@ -93,6 +93,12 @@ fn behind(
 ) -> Option<Behind> {
     let first = one.path.first()?;
     let at = route.project_near(first.pose.point(), place.s_m, REACH_M);
+    // Most are ahead, or farther beside than half of their diagonal.
+    let radius_m = 0.5 * (one.extent.length_m + one.extent.width_m);
+    let is_apart = (at.d_m - place.d_m).abs() >= 0.5 * shape.width_m + radius_m;
+    if is_apart || place.s_m - shape.rear_overhang_m - at.s_m <= 0.0 {
+        return None;
+    }
     let road = route.line().at(at.s_m).pose;
     let (along_m, across_m) = half_sizes(one, angle_between(road.heading_rad, first.pose.heading_rad));
     let gap_m = place.s_m - shape.rear_overhang_m - at.s_m - along_m;

@@ -85,17 +85,18 @@ impl LaneFollowing {
         }
         let off = |lane: &Lane, s_m: f64, d_m: f64| {
             let off_rad = angle_between(lane.line.at(s_m).pose.heading_rad, velocity_mps.heading()).abs();
-            let bend_1pm = self.bend_in_1pm(lane).abs();
-            (off_rad < ALONG_RAD).then_some((off_rad + RAD_PER_M * d_m.abs(), bend_1pm))
+            (off_rad < ALONG_RAD).then_some(off_rad + RAD_PER_M * d_m.abs())
         };
         let places = self.map.at(point).filter_map(|place| {
             let lane = self.map.lane(place.lane).filter(|lane| lane.kind.is_drivable())?;
-            Some((off(lane, place.place.s_m, place.place.d_m)?, lane.id))
+            Some((off(lane, place.place.s_m, place.place.d_m)?, lane))
         });
-        let nearest = places.min_by(|((a, a_bend), a_id), ((b, b_bend), b_id)| {
-            a.total_cmp(b).then(a_bend.total_cmp(b_bend)).then(a_id.cmp(b_id))
+        let bend_1pm = |lane: &Lane| self.bend_in_1pm(lane).abs();
+        let nearest = places.min_by(|(a, a_lane), (b, b_lane)| {
+            let bends = || bend_1pm(a_lane).total_cmp(&bend_1pm(b_lane));
+            a.total_cmp(b).then_with(bends).then_with(|| a_lane.id.cmp(&b_lane.id))
         });
-        nearest.map(|(_, lane)| lane)
+        nearest.map(|(_, lane)| lane.id)
     }
 
     /// True if a lane is one of the route's, or has its direction and is beside one of them.

@@ -94,8 +94,9 @@ fn bend(
         let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
         let moved_m = settling.moved_m(across_mps * ahead_s, ahead_s);
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
-        let at = route.unproject(place);
-        let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
+        let on_line = route.line().at(place.s_m).pose;
+        let at = on_line.point() + on_line.direction().left() * place.d_m;
+        let heading_rad = on_line.heading_rad + turn_rad;
         if let Some(covariance_m2) = prediction.covariances_m2.get_mut(k) {
             *covariance_m2 = turned(*covariance_m2, heading_rad - predicted.pose.heading_rad);
         }

@@ -143,13 +143,23 @@ pub(crate) fn near_pairs(actors: &[Actor], within_m: f64) -> Vec<[usize; 2]> {
     for (k, &(a, of_a, i)) in circles.iter().enumerate() {
         let right_m = a.x_m + of_a + within_m;
         for &(b, of_b, j) in circles[k + 1..].iter().take_while(|(b, of_b, _)| b.x_m - of_b <= right_m) {
-            if a.distance(b) <= of_a + of_b + within_m {
+            if are_within(a, b, [of_a, of_b], within_m) {
                 pairs.push([i.min(j), i.max(j)]);
             }
         }
     }
     pairs.sort_unstable();
     pairs
+}
+
+/// True if the bounding circles of two actors are at most `within_m` apart.
+pub(crate) fn are_near(a: &Actor, b: &Actor, within_m: f64) -> bool {
+    let radii_m = [a, b].map(|actor| actor.footprint().radius());
+    are_within(a.pose.point(), b.pose.point(), radii_m, within_m)
+}
+
+fn are_within(a: Point2, b: Point2, [of_a, of_b]: [f64; 2], within_m: f64) -> bool {
+    a.distance(b) <= of_a + of_b + within_m
 }
 
 /// Gap between two actors, metres; zero if they touch.

@@ -19,6 +19,7 @@ mod bodies;
 mod contact;
 mod contacts;
 pub mod ego;
+mod neighbours;
 mod rules;
 mod script;
 mod scripted;

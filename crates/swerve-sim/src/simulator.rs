@@ -21,6 +21,7 @@ use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
 use crate::contacts::Contacts;
 use crate::ego::EgoCar;
+use crate::neighbours::Neighbours;
 use crate::rules::Rules;
 use crate::scripted::Scripted;
 use crate::traffic::{self, with_traffic};
@@ -64,6 +65,9 @@ pub struct Simulator {
     egos: Vec<Ego>,
     actors: Vec<Player>,
     contacts: Contacts,
+    neighbours: Neighbours,
+    /// Actors before the last step.
+    earlier_actors: Vec<Actor>,
     /// State in the view of the first ego. Its actors are those of the scenario, then the other egos.
     state: WorldState,
     /// States in the views of the other egos.
@@ -174,6 +178,8 @@ impl Simulator {
             egos,
             actors: Vec::new(),
             contacts: Contacts::default(),
+            neighbours: Neighbours::default(),
+            earlier_actors: Vec::new(),
             state,
             views: Vec::new(),
         };
@@ -322,6 +328,7 @@ impl Simulator {
             self.contact(i, &before, &outline);
         }
         self.contacts_of_others(&before);
+        self.earlier_actors = before.actors;
         self.judge();
         self.show();
         &self.state
@@ -331,7 +338,7 @@ impl Simulator {
         self.params.vehicle.shape.footprint(self.state.ego.state.pose)
     }
 
-    fn before(&self) -> Before {
+    fn before(&mut self) -> Before {
         let body = &self.world.bodies[self.egos[0].car.handle()];
         let (at, velocity) = (body.center_of_mass(), body.linvel());
         let velocity_mps = Vector2::new(f64::from(velocity.x), f64::from(velocity.y));
@@ -342,7 +349,8 @@ impl Simulator {
         };
         let is_loose = |&i: &usize| self.body(i).0 == Mode::Hit;
         let loose = (0..self.state.actors.len()).filter(is_loose).collect();
-        let actors = self.state.actors.clone();
+        let mut actors = core::mem::take(&mut self.earlier_actors);
+        actors.clone_from(&self.state.actors);
         Before { actors, loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 

@@ -99,6 +99,8 @@ pub(crate) struct Car {
     pub(crate) stops: Option<(usize, usize)>,
     /// True after a collision: physics moves it.
     pub(crate) is_hit: bool,
+    /// Pose and velocity until the next tick, if it rests up to then.
+    pub(crate) rests_at: Option<(Pose2, Vector2)>,
 }
 
 impl Car {
@@ -174,6 +176,11 @@ impl Car {
         (along_m.max(0.0), speed_mps)
     }
 
+    /// True if it rests until the next tick.
+    pub(crate) fn rests(&self) -> bool {
+        self.speed_mps == 0.0 && self.gain_mps2 == 0.0 && self.change.is_none()
+    }
+
     /// Lateral offset and its rate, metres and m/s, a time after the last tick.
     fn lateral(&self, dt_s: f64) -> (f64, f64) {
         let Some(change) = self.change else { return (self.beside_m, 0.0) };
@@ -198,7 +205,9 @@ impl Car {
         let point = at.point() + left * d_m;
         // A vehicle at rest does not slide sideways; one that moves heads where it goes.
         let rate_mps = if speed_mps > 1.0 { rate_mps } else { 0.0 };
-        let heading_rad = at.heading_rad + math::atan2(rate_mps, speed_mps.max(1.0));
+        // The angle of a motion straight ahead is zero with the sign of its rate.
+        let off_rad = if rate_mps == 0.0 { rate_mps } else { math::atan2(rate_mps, speed_mps.max(1.0)) };
+        let heading_rad = at.heading_rad + off_rad;
         (Pose2::new(point.x_m, point.y_m, heading_rad), ahead * speed_mps + left * rate_mps)
     }
 

@@ -14,6 +14,8 @@ use crate::Traffic;
 pub struct GroupDriver {
     id: ActorId,
     traffic: Arc<Mutex<Traffic>>,
+    /// An instant before which the traffic does not decide.
+    due: Time,
 }
 
 impl Traffic {
@@ -21,7 +23,7 @@ impl Traffic {
     pub fn drivers(self) -> (Arc<Mutex<Self>>, Vec<(ActorId, GroupDriver)>) {
         let ids: Vec<ActorId> = self.actors().iter().map(|actor| actor.id).collect();
         let traffic = Arc::new(Mutex::new(self));
-        let driver = |id: ActorId| (id, GroupDriver { id, traffic: Arc::clone(&traffic) });
+        let driver = |id: ActorId| (id, GroupDriver { id, traffic: Arc::clone(&traffic), due: Time::ZERO });
         let drivers = ids.into_iter().map(driver).collect();
         (traffic, drivers)
     }
@@ -36,7 +38,14 @@ impl GroupDriver {
 
 impl Driver for GroupDriver {
     fn observe(&mut self, view: &View<'_>) {
-        self.traffic().observe(view.world, view.ego);
+        if view.world.stamp < self.due {
+            return;
+        }
+        let mut traffic = self.traffic();
+        traffic.observe(view.world, view.ego);
+        let due = traffic.due();
+        drop(traffic);
+        self.due = due;
     }
 
     fn movement(&self, _from: Time, to: Time) -> Option<Movement> {

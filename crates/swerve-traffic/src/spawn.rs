@@ -152,6 +152,7 @@ pub(crate) fn vehicle(setup: &TrafficSetup, seed: u64, cycles: bool, key: usize,
         passes: None,
         stops: None,
         is_hit: false,
+        rests_at: None,
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod counts;
 mod entry;
+mod slots;
 
 use std::sync::Arc;
 
@@ -21,6 +22,8 @@ use crate::scene::{Other, Scene};
 use crate::setup::TrafficSetup;
 use crate::spawn::Entries;
 use crate::walk::Walkers;
+
+use slots::{Slot, Slots};
 
 pub use counts::Counts;
 
@@ -49,6 +52,7 @@ pub struct Traffic {
     seed: u64,
     pub(crate) lights: Lights,
     actors: Vec<TrafficActor>,
+    slots: Slots,
     pub(crate) cars: Vec<Car>,
     pub(crate) walkers: Walkers,
     /// Where cars and cyclists begin.
@@ -89,6 +93,7 @@ impl Traffic {
             seed,
             lights,
             actors: Vec::new(),
+            slots: Slots::default(),
             cars: Vec::new(),
             number: 0,
             tick: Time::ZERO,
@@ -120,7 +125,7 @@ impl Traffic {
     /// Observes a state of the world and decides if the time for it has come. A second state of the same instant has no
     /// effect.
     pub fn observe(&mut self, world: &WorldState, ego: Obb) {
-        if world.stamp < self.tick + self.setup.tick {
+        if world.stamp < self.due() {
             return;
         }
         let [x_mps, y_mps, _] = world.ego.velocity_mps.coords.into();
@@ -149,7 +154,7 @@ impl Traffic {
 
     /// Advances to an instant, among road users that are not of the traffic.
     pub(crate) fn advance(&mut self, now: Time, others: &[Other]) {
-        while now >= self.tick + self.setup.tick {
+        while now >= self.due() {
             self.tick += self.setup.tick;
             self.ticks += 1;
             let dt_s = self.setup.tick.as_secs();
@@ -180,24 +185,29 @@ impl Traffic {
     /// physics moves since a collision.
     pub fn movement(&self, id: ActorId, at: Time) -> Option<Movement> {
         let after_s = (at - self.tick).as_secs().clamp(0.0, 2.0 * self.setup.tick.as_secs());
-        if let Some(car) = self.car(id).map(|k| &self.cars[k]) {
-            let (pose, velocity_mps) = car.movement(&self.net, after_s);
-            return (!car.is_hit).then_some(Movement { pose, velocity_mps });
+        match self.slots.of(id)? {
+            Slot::Car(k) if self.cars[k].is_hit => None,
+            Slot::Car(k) => {
+                let car = &self.cars[k];
+                let (pose, velocity_mps) = car.rests_at.unwrap_or_else(|| car.movement(&self.net, after_s));
+                Some(Movement { pose, velocity_mps })
+            }
+            Slot::Walker(k) => self.walkers.movement(k, after_s),
         }
-        self.walkers.movement(id, after_s)
     }
 
-    /// Index of a car or cyclist.
-    fn car(&self, id: ActorId) -> Option<usize> {
-        self.cars.binary_search_by_key(&id, |car| car.id).ok()
+    /// Instant of the next decisions: states of the world before it have no effect.
+    pub(crate) fn due(&self) -> Time {
+        self.tick + self.setup.tick
     }
 
     /// Gives an actor up to physics.
     fn lose(&mut self, id: ActorId) {
-        if let Some(k) = self.car(id) {
-            self.cars[k].is_hit = true;
+        match self.slots.of(id) {
+            Some(Slot::Car(k)) => self.cars[k].is_hit = true,
+            Some(Slot::Walker(k)) => self.walkers.lose(k),
+            None => {}
         }
-        self.walkers.lose(id);
     }
 
     /// Decisions of all actors at the present tick.
@@ -218,6 +228,7 @@ impl Traffic {
         self.walkers.decide(&self.net, &self.cars, &self.scene, (lights, self.tick), dt_s);
         for (car, (gain_mps2, at_red)) in self.cars.iter_mut().zip(decisions) {
             (car.gain_mps2, car.at_red) = (gain_mps2, at_red);
+            car.rests_at = car.rests().then(|| car.movement(&self.net, 0.0));
             self.counts.hard_brakes += u64::from(gain_mps2 < -8.5 && car.speed_mps > 1.0);
             if at_red {
                 car.stands_s = 0.0;

@@ -149,23 +149,16 @@ impl Walkers {
     }
 
     /// Movement of a pedestrian a time after the last tick.
-    pub(crate) fn movement(&self, id: ActorId, after_s: f64) -> Option<Movement> {
-        let walker = self.walker(id).map(|k| &self.walkers[k]).filter(|walker| !walker.is_hit)?;
+    pub(crate) fn movement(&self, k: usize, after_s: f64) -> Option<Movement> {
+        let walker = Some(&self.walkers[k]).filter(|walker| !walker.is_hit)?;
         let point = walker.point + walker.velocity_mps * after_s;
         let pose = Pose2::new(point.x_m, point.y_m, walker.heading_rad);
         Some(Movement { pose, velocity_mps: walker.velocity_mps })
     }
 
-    /// Index of a pedestrian.
-    fn walker(&self, id: ActorId) -> Option<usize> {
-        self.walkers.binary_search_by_key(&id, |walker| walker.id).ok()
-    }
-
     /// Gives a pedestrian up to physics.
-    pub(crate) fn lose(&mut self, id: ActorId) {
-        if let Some(k) = self.walker(id) {
-            self.walkers[k].is_hit = true;
-        }
+    pub(crate) fn lose(&mut self, k: usize) {
+        self.walkers[k].is_hit = true;
     }
 
     /// Moves all by a tick and lets those who have reached a joint choose a path.

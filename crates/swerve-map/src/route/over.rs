@@ -34,6 +34,8 @@ const RADIUS_SHARE: f64 = 0.8;
 
 /// Least length of the piece of a row before or after a place that the route passes, metres.
 const PIECE_M: f64 = 1.0;
+/// Reserve for rounding errors of bounding boxes, metres.
+const ROUNDING_M: f64 = 1e-6;
 
 /// A row of the road: lanes side by side, from that on which the route enters to that on which it leaves. A place that
 /// the route passes cuts it into pieces, each a row.
@@ -396,9 +398,11 @@ fn thinned(points: &[Point2]) -> Vec<Point2> {
 fn junction_ground(map: &Map, lane: &Lane) -> Borders {
     let length_m = lane.line.length();
     let count = (length_m / SAMPLE_M).ceil().max(1.0) as usize;
-    let near: Vec<&Lane> = map.near(lane, ASIDE_M).filter(|other| other.kind.is_drivable()).collect();
+    let near: Vec<_> = map.near(lane, ASIDE_M).filter(|(other, _)| other.kind.is_drivable()).collect();
     let at = |s_m: f64, d_m: f64| lane.line.to_map(FrenetPoint { s_m, d_m });
-    let is_ground = |point: Point2| near.iter().any(|other| other.place_of(point).is_some());
+    let is_ground = |point: Point2| {
+        near.iter().any(|(lane, bounds)| bounds.has(point, ROUNDING_M) && lane.place_of(point).is_some())
+    };
     let side = |sign: f64| {
         let own = if sign > 0.0 { lane.borders.left() } else { lane.borders.right() };
         let station = |k: usize| {

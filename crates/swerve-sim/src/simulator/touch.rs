@@ -47,7 +47,7 @@ impl Simulator {
         let has_moved = |i: usize| actors[i].pose != before.actors[i].pose;
         let mut pairs = Vec::new();
         if (0..actors.len()).any(has_moved) {
-            pairs = contact::near_pairs(actors, PARTED_M);
+            pairs = self.neighbours.near_pairs(actors, PARTED_M);
             pairs.retain(|pair| pair.iter().any(|&i| has_moved(i)));
         }
         let index = |id: ActorId| actors.binary_search_by_key(&id, |actor| actor.id).ok();
@@ -94,6 +94,13 @@ impl Simulator {
 
 /// True if the bounding circles of the two come within `reach_m` of each other.
 pub(super) fn near(outline: &Obb, actor: &Actor, reach_m: f64) -> bool {
+    let squared_m2 = (outline.center.point() - actor.pose.point()).norm_squared();
+    // Two sides of a rectangle are longer than its diagonal. This rules out most actors without a square root.
+    let sides_m =
+        outline.half_length_m + outline.half_width_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
+    if squared_m2 > 1.01 * (sides_m + reach_m) * (sides_m + reach_m) {
+        return false;
+    }
     let radius = outline.radius() + actor.footprint().radius() + reach_m;
-    (outline.center.point() - actor.pose.point()).norm_squared() <= radius * radius
+    squared_m2 <= radius * radius
 }

@@ -4,6 +4,7 @@ use swerve_core::Rng;
 use swerve_geom::{Obb, Pose2};
 use swerve_msg::{ActorId, ActorKind};
 
+use super::slots::Slots;
 use super::{Traffic, TrafficActor};
 use crate::net::End;
 use crate::scene::Other;
@@ -68,6 +69,9 @@ impl Traffic {
         });
         self.actors = vehicles.chain(self.walkers.actors()).collect();
         self.actors.sort_by_key(|actor| actor.id);
+        let (cars, walkers) =
+            (self.cars.iter().map(|car| car.id), self.walkers.actors().map(|actor| actor.id));
+        self.slots = Slots::new(self.setup.first_id, cars, walkers);
     }
 
     /// Gives an entering vehicle the speed from which it stops comfortably wherever it may have to.

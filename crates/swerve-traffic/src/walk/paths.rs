@@ -99,14 +99,16 @@ fn beside(lane: &Lane) -> Option<Polyline> {
 fn off_road(net: &Net, line: &Polyline) -> Option<Polyline> {
     let is_clear = |point: Point2| {
         net.lanes.iter().all(|lane| {
-            let points = lane.line.points();
-            // Far lanes are ruled out by one distance.
-            if points[0].distance(point) > lane.length_m + 10.0 {
+            let reach_m = 0.5 * lane.width_m.min(3.0) + 0.3;
+            let [low, high] = lane.bounds;
+            let is_apart =
+                |low: f64, high: f64, at: f64| at < low - 2.0 * reach_m || at > high + 2.0 * reach_m;
+            if is_apart(low.x_m, high.x_m, point.x_m) || is_apart(low.y_m, high.y_m, point.y_m) {
                 return true;
             }
             let place = lane.line.project(point);
             let along = (0.0..=lane.length_m).contains(&place.s_m);
-            !along || place.d_m.abs() > 0.5 * lane.width_m.min(3.0) + 0.3
+            !along || place.d_m.abs() > reach_m
         })
     };
     let steps = (line.length() / (0.5 * STEP_M)).ceil().max(1.0) as usize;

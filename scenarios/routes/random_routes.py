@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Makes random routes over any road network, for `swerve suite --rules leaderboard FOLDER`.
+
+usage: random_routes.py MAP FOLDER [ROUTES [SEED]]
+
+Writes ROUTES (10) scenarios with traffic into FOLDER: starts and goals are drawn from the extent of MAP until the shortest
+way between them is 0.9 to 1.6 km long and the scenario is valid. The program is SWERVE, by default `swerve`.
+"""
+
+import json
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+LENGTH_M = (900.0, 1600.0)
+PROGRAM = os.environ.get("SWERVE", "swerve")
+
+ROUTE = """name = "{name}"
+description = "A random route over {map} in traffic."
+
+[map]
+file = "{path}"
+
+[ego]
+start = {{ x_m = {start[0]:.1f}, y_m = {start[1]:.1f} }}
+goal = {{ x_m = {goal[0]:.1f}, y_m = {goal[1]:.1f} }}
+target_speed_mps = 13.9
+start_speed_mps = 0.0
+
+[traffic]
+vehicles = 60
+pedestrians = 40
+"""
+
+
+def shown(*arguments):
+    """What `swerve map show` prints, or None if it fails."""
+    done = subprocess.run([PROGRAM, "map", "show", *arguments, "--json"], capture_output=True, text=True)
+    return json.loads(done.stdout) if done.returncode == 0 else None
+
+
+def main():
+    path, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
+    count, seed = (int(text) for text in (sys.argv[3:] + ["10", "1"][len(sys.argv) - 3 :]))
+    folder.mkdir(parents=True, exist_ok=True)
+    extent = shown(str(path))["extent_m"]
+    draw, made = random.Random(seed), 0
+    while made < count:
+        start, goal = ([draw.uniform(*extent[axis]) for axis in "xy"] for _ in range(2))
+        ends = [f"{x:.1f},{y:.1f}" for x, y in (start, goal)]
+        found = shown(str(path), "--route", *ends)
+        if not found or not LENGTH_M[0] <= found["route"]["length_m"] <= LENGTH_M[1]:
+            continue
+        name = f"{path.stem.lower()}_{made + 1:02}"
+        file = folder / f"{name}.toml"
+        file.write_text(ROUTE.format(name=name, map=path.stem, path=path, start=start, goal=goal))
+        if subprocess.run([PROGRAM, "check", str(file)], capture_output=True).returncode == 0:
+            made += 1
+        else:
+            file.unlink()
+
+
+if __name__ == "__main__":
+    main()
