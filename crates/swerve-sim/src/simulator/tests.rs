@@ -51,19 +51,23 @@ fn stop_on_a_patch_takes_v_squared_over_2_mu_g() {
     assert!((0.92..1.01).contains(&(ideal_m / dry_m)), "{dry_m} m, ideal {ideal_m} m");
 }
 
-/// A patch under the right wheels alone: with full brake each right wheel has a third of the force of the left one.
+/// A patch under the right wheels alone: with full brake each right wheel has at most a third of the force of the left one.
 #[test]
 fn each_wheel_has_the_friction_of_the_ground_below_it() {
     let patch = "[[slippery]]\nname = \"ice\"\nfriction = 0.3\ns_m = 0.0\nlength_m = 200.0\nd_m = -2.0\nwidth_m = 4.0";
     let mut sim = started(&road(patch), &at_hz(200));
+    // Largest force per load of each wheel: the anti-lock control lets it fall below the friction in between.
+    let mut shares = [0.0_f64; 4];
     for _ in 0..70 {
         sim.step(Command::FULL_BRAKE);
+        for (share, wheel) in shares.iter_mut().zip(sim.egos[0].car.car().wheels()) {
+            *share = share.max(-wheel.fx_n / wheel.load_n);
+        }
     }
-    let of_wheel = |wheel: swerve_vehicle::WheelState| -wheel.fx_n / wheel.load_n;
-    let [front_left, front_right, rear_left, rear_right] = sim.egos[0].car.car().wheels().map(of_wheel);
+    let [front_left, front_right, rear_left, rear_right] = shares;
     for (left, right) in [(front_left, front_right), (rear_left, rear_right)] {
-        assert!((0.6..0.95).contains(&left), "left wheel on the road: {left}");
-        assert!((0.2..0.33).contains(&right), "right wheel on the patch: {right}");
+        assert!((0.7..0.97).contains(&left), "left wheel on the road: {left}");
+        assert!((0.25..0.33).contains(&right), "right wheel on the patch: {right}");
     }
     assert!(sim.state().ego.state.yaw_rate_radps > 0.01, "the car turns to the side with more grip");
 }
