@@ -142,6 +142,8 @@ struct Held {
     /// Place to wait that the ego has moved up to or moves up to, metres, and true while it moves.
     creep_m: Option<f64>,
     creeps: bool,
+    /// True if it stays because its light has ended.
+    is_held: bool,
 }
 
 /// Zones and crossings of a route.
@@ -352,6 +354,10 @@ impl Held {
         if block.has_stop_sign && !self.has_stood {
             (self.stops, self.goes) = (true, false);
             return stop(self, StopReason::StopSign, Vec::new());
+        }
+        if self.is_held_by_light(block, entry) {
+            (self.creep_m, self.creeps, self.stops, self.goes) = (Some(own.front_m), false, true, false);
+            return stop(self, StopReason::TrafficLight, Vec::new());
         }
         let Some(refusal) = entry.refusal(block) else {
             self.free_s += dt_s;

@@ -17,6 +17,9 @@ const BEHIND_M: f64 = 2.0;
 /// Distance of the ego's rear beyond a stop line with signals, metres: a light that turns red holds nobody who waits there.
 const BEYOND_LINE_M: f64 = 1.5;
 
+/// Way of the rear to there that is still covered when the light turns yellow, metres.
+const LATE_M: f64 = 3.0;
+
 /// What the ego may move up to, apart from zones.
 #[derive(Clone, Copy)]
 pub(super) struct Around<'a> {
@@ -71,6 +74,17 @@ impl Held {
     /// Place before which the ego waits, metres.
     pub(super) fn stop_m(&self, block: &Block) -> f64 {
         self.creep_m.unwrap_or(block.stop_m)
+    }
+
+    /// True if the light of a block ends before the rear of an ego that moves up is over the line: it stays until the next
+    /// green.
+    pub(super) fn is_held_by_light(&mut self, block: &Block, entry: &Entry<'_>) -> bool {
+        let own = entry.own;
+        let rear_m = own.front_m - 2.0 * own.half_m;
+        let left_m = block.light_m.map_or(0.0, |line_m| line_m + BEYOND_LINE_M - rear_m);
+        let is_late = self.creep_m.is_some() && entry.is_late && left_m > 0.0;
+        self.is_held = is_late && (self.is_held || left_m > LATE_M);
+        self.is_held
     }
 
     /// Moves the place to wait while others have to pass first.

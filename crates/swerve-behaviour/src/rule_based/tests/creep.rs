@@ -131,6 +131,18 @@ fn left_turn_moves_up_at_green_alone_and_leaves_when_the_light_ends() {
     // Beyond the line with all of its length.
     let to_m = decision.stops[0].s_m;
     assert!(to_m - line_m > swerve_vehicle::Shape::default().length_m, "{to_m} and {line_m}");
+    // Where the light ends before its rear is over the line, it stays.
+    posed.front_m = line_m + 1.0;
+    posed.decide();
+    show(&mut posed, line_m, Signal::Yellow);
+    let ended = waits(&mut posed);
+    assert_eq!(
+        (causes(&ended), ended.state),
+        (vec![StopReason::TrafficLight], Some(DrivingState::WaitAtLight))
+    );
+    assert!(ended.stops[0].s_m - posed.front_m < 0.1, "{ended:?}");
+    show(&mut posed, line_m, Signal::Green);
+    assert_eq!(waits(&mut posed).state, Some(DrivingState::Creep));
     posed.front_m = to_m - 1.0;
     assert_eq!(waits(&mut posed).state, Some(DrivingState::WaitForGap));
     // At red, an oncoming car that does not brake goes first; one at rest before its line is taken to stay there.
