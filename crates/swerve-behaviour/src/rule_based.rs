@@ -85,7 +85,7 @@ pub struct RuleBasedParams {
     #[schemars(range(min = 0.0, max = 20.0))]
     pub gap_s: f64,
     /// Speed at which the ego moves up to the first zone of those with priority after it has stopped for them, m/s; 0: it
-    /// stays at the line.
+    /// stays at the line, as it does at lights.
     #[schemars(range(min = 0.0, max = 3.0))]
     pub creep_mps: f64,
 }
@@ -210,7 +210,7 @@ impl RuleBased {
                 break;
             }
             let signal = block.light_m.and_then(|line_m| creep::signal(at, line_m));
-            let around = Around { crossings, lead_m, signal };
+            let around = Around { crossings, lead_m };
             let entry = Entry {
                 own,
                 params: &self.params,
@@ -219,7 +219,6 @@ impl RuleBased {
                 share: if held.goes { GOES_SHARE } else { 1.0 },
                 has_green: block.light_m.is_some() && signal != Some(Signal::Off),
                 has_moved_up: held.creep_m.is_some(),
-                is_late: matches!(signal, Some(Signal::Yellow | Signal::Red)),
             };
             let most_mps2 = if held.stops { KEEPS_MPS2 } else { self.params.brake_mps2 };
             let is_over = to_m < if held.stops { -PASSED_M } else { 0.0 };

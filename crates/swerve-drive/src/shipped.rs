@@ -89,7 +89,6 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/everyday/start_in_jam.toml"
     "scenarios/everyday/start_on_bend.toml"
     "scenarios/maps/closed_road.toml"
-    "scenarios/maps/creep.toml"
     "scenarios/maps/left_turn.toml"
     "scenarios/maps/light_green.toml"
     "scenarios/maps/light_red.toml"

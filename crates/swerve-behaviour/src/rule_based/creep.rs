@@ -14,8 +14,6 @@ const LEAST_M: f64 = 3.0;
 const ARRIVED_M: f64 = 2.5;
 /// Distance kept behind the vehicle ahead, metres.
 const BEHIND_M: f64 = 2.0;
-/// Distance of the ego's rear beyond a stop line with signals, metres: a light that turns red holds nobody who waits there.
-const BEYOND_LINE_M: f64 = 1.5;
 
 /// What the ego may move up to, apart from zones.
 #[derive(Clone, Copy)]
@@ -24,8 +22,6 @@ pub(super) struct Around<'a> {
     pub(super) crossings: &'a [(RouteCrossing, Held)],
     /// Place of the rear of the vehicle ahead, metres.
     pub(super) lead_m: Option<f64>,
-    /// Signal of the block's light.
-    pub(super) signal: Option<Signal>,
 }
 
 /// Signal at a stop line; of several, the first of off, red, yellow and green.
@@ -49,9 +45,8 @@ impl Entry<'_> {
                 to_m = crossing.stop_m;
             }
         }
-        let is_over_line = block.light_m.is_some_and(|line_m| to_m - length_m < line_m + BEYOND_LINE_M);
         let is_behind = around.lead_m.is_some_and(|lead_m| lead_m - BEHIND_M < to_m);
-        (!is_over_line && !is_behind).then_some(to_m)
+        (!is_behind).then_some(to_m)
     }
 
     /// True if vehicles with priority use a zone, or somebody comes to it, or stays in it, whom no light holds.
@@ -78,8 +73,7 @@ impl Held {
         let own = entry.own;
         let stop_m = self.stop_m(block);
         let to_m = entry.creep_m(block, around).map_or(block.stop_m, |to_m| to_m.max(block.stop_m));
-        let may_begin =
-            entry.params.creep_mps > 0.0 && (block.light_m.is_none() || around.signal == Some(Signal::Green));
+        let may_begin = entry.params.creep_mps > 0.0 && block.light_m.is_none();
         if to_m < stop_m {
             // Somebody comes: the ego stays where it is.
             self.creep_m = Some(to_m.max(own.front_m));

@@ -21,8 +21,6 @@ const STOPS_MPS2: f64 = 4.0;
 /// Deceleration for which nobody has to brake yet, m/s², and the part of a needed one that is seen when somebody does.
 const EARLY_MPS2: f64 = 2.0;
 const BRAKES_SHARE: f64 = 0.5;
-/// Deceleration of somebody who stops at a light, m/s².
-const SLOWS_MPS2: f64 = 0.5;
 /// Deceleration that an impatient ego imposes on others, m/s².
 const IMPOSED_MPS2: f64 = 2.0;
 /// Deceleration to the speed of others in a merge, m/s².
@@ -65,8 +63,6 @@ pub(super) struct Entry<'a> {
     pub(super) has_green: bool,
     /// True if the ego has moved up into the block.
     pub(super) has_moved_up: bool,
-    /// True if that light is not green any more.
-    pub(super) is_late: bool,
 }
 
 /// Passage of the ego through a zone.
@@ -161,13 +157,10 @@ impl Entry<'_> {
         (way_m[1] > 0.0).then_some(way_m)
     }
 
-    /// True if a red light holds a vehicle: because the ego has green, or because the ego's own light ends and the vehicle
-    /// stops.
+    /// True if a red light holds a vehicle, because the ego has green.
     pub(super) fn has_red(&self, other: &Vehicle, zone: &RouteZone) -> bool {
         let has_light = other.reach(zone.zone.other).is_some_and(|reach| reach.has_light);
-        let stops = other.speed_mps < REST_MPS || other.gain_mps2 < -SLOWS_MPS2;
-        let is_late = self.has_moved_up && self.is_late && stops;
-        has_light && ((self.has_green && !zone.is_oncoming) || is_late)
+        self.has_green && !zone.is_oncoming && has_light
     }
 
     /// True if the ego would get into the way of a vehicle, or the other way round, where it does not have to wait.

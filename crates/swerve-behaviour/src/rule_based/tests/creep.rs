@@ -62,17 +62,6 @@ fn ego_stays_at_the_line_where_it_would_be_in_the_way() {
     posed = posed.car(on_arm(FROM_WEST, -20.0), 9.0).car(on_arm(FROM_SOUTH, -6.0), 0.0);
     let behind = waits(&mut posed);
     assert!(moves_m(&posed, &behind) < 1.0, "{behind:?}");
-    // At green, the ego turns left: a car that is beyond its red light could not pass in front of it.
-    let turn = |side: Pose2| {
-        let mut posed = at_crossing("crossing.xodr", [FROM_WEST, FROM_SOUTH], 2.2, 0.0);
-        posed = posed.car(on_arm(FROM_EAST, -25.0), 9.0).car(side, 0.0);
-        let line_m = posed.front_m + 0.2;
-        show(&mut posed, line_m, Signal::Green);
-        let decision = waits(&mut posed);
-        moves_m(&posed, &decision)
-    };
-    let [free_m, taken_m] = [-17.0, -10.5].map(|ahead_m| turn(on_arm(FROM_SOUTH, ahead_m)));
-    assert!(free_m > 5.0 && taken_m < 1.0, "{free_m} and {taken_m}");
 }
 
 #[test]
@@ -116,29 +105,10 @@ fn ego_stands_at_a_stop_sign_for_a_second_before_it_moves_up() {
 }
 
 #[test]
-fn left_turn_moves_up_at_green_alone_and_leaves_when_the_light_ends() {
+fn ego_stays_at_the_line_of_a_light() {
     let turn = [FROM_WEST, FROM_SOUTH];
     let mut posed = at_crossing("crossing.xodr", turn, 2.2, 0.0).car(on_arm(FROM_EAST, -25.0), 9.0);
     let line_m = posed.front_m + 0.2;
-    show(&mut posed, line_m, Signal::Red);
-    posed.front_m -= 1.0;
-    assert_eq!(waits(&mut posed).state, Some(DrivingState::WaitAtLight));
-    show(&mut posed, line_m, Signal::Yellow);
-    assert!(waits(&mut posed).stops[0].s_m < line_m + 0.5);
     show(&mut posed, line_m, Signal::Green);
-    let decision = waits(&mut posed);
-    assert_eq!(decision.state, Some(DrivingState::Creep));
-    // Beyond the line with all of its length.
-    let to_m = decision.stops[0].s_m;
-    assert!(to_m - line_m > swerve_vehicle::Shape::default().length_m, "{to_m} and {line_m}");
-    posed.front_m = to_m - 1.0;
     assert_eq!(waits(&mut posed).state, Some(DrivingState::WaitForGap));
-    // At red, an oncoming car that does not brake goes first; one at rest before its line is taken to stay there.
-    show(&mut posed, line_m, Signal::Red);
-    assert_eq!(ids(&waits(&mut posed))[0], [1]);
-    posed.aim(1, on_arm(FROM_EAST, -12.0), 0.0);
-    show(&mut posed, line_m, Signal::Green);
-    assert_eq!(ids(&waits(&mut posed))[0], [1]);
-    show(&mut posed, line_m, Signal::Red);
-    assert_eq!(causes(&waits(&mut posed)), []);
 }
