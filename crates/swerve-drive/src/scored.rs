@@ -114,11 +114,13 @@ fn place_on(route: &Route, point: Point2) -> f64 {
 fn scenarios_on(route: &Route, scenario: &Scenario) -> Vec<Running> {
     let line = scenario.road.line();
     let triggered = scenario.actors.iter().filter(|actor| actor.trigger.is_some());
-    let actors = triggered.map(|actor| Running {
-        id: u64::from(actor.id.0),
-        cause: Cause::Actor(actor.id),
-        s_m: place_on(route, actor.pose(&line).point()),
-        since_s: None,
+    let actors = triggered.map(|actor| {
+        // A route may pass a place twice: an actor that has a place along it is there.
+        let s_m = match actor.line {
+            None => actor.s_m,
+            Some(_) => place_on(route, actor.pose(&line).point()),
+        };
+        Running { id: u64::from(actor.id.0), cause: Cause::Actor(actor.id), s_m, since_s: None }
     });
     let patches = (FIRST_PATCH..).zip(&scenario.slippery).map(|(id, patch)| {
         let end = patch.line.at(patch.line.length()).pose.point();

@@ -201,11 +201,11 @@ fn draw_line(axes: &Axes, canvas: &mut Canvas, line: &Line, look: Look) {
 mod tests {
     use super::*;
 
-    /// Two lines over two values, with the speeds 1 to 4 m/s in each point.
+    /// Two lines over two seeds; the value of each drive is its seed.
     #[test]
     fn points_are_means_with_the_interval_of_student() {
         let study = crate::table::tests::study();
-        let (over, seed) = (study.axes[0].clone(), "seed".to_owned());
+        let (speed, seed) = ("speed_mps".to_owned(), "seed".to_owned());
         assert!(study.axes.contains(&seed), "{:?}", study.axes);
         let of = |cell: &crate::grid::Cell| {
             let seed: f64 =
@@ -213,9 +213,9 @@ mod tests {
             Some(CellResult { impact_speed_mps: Some(seed), ..CellResult::blank(cell, "collision") })
         };
         let results: Vec<_> = study.cells.iter().map(of).collect();
-        let plot = Plot { x: seed, y: "impact_speed_mps".into(), lines: vec![over], label: None };
+        let plot = Plot { x: seed, y: "impact_speed_mps".into(), lines: vec![speed], label: None };
         let means = Means::of(&study, &plot, &results);
-        assert!(means.lines.len() > 1);
+        assert_eq!(means.lines.iter().map(|line| line.name.as_str()).collect::<Vec<_>>(), ["16", "18"]);
         for line in &means.lines {
             assert!(line.points.iter().all(|point| point.mean() == point.x), "{}", line.name);
         }
