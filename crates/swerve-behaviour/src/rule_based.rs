@@ -209,7 +209,6 @@ impl RuleBased {
             if !is_in_view || red_m.is_some_and(|red_m| red_m < block.end_m) {
                 break;
             }
-            let signal = block.light_m.and_then(|line_m| creep::signal(at, line_m));
             let around = Around { crossings, lead_m };
             let entry = Entry {
                 own,
@@ -217,7 +216,7 @@ impl RuleBased {
                 vehicles,
                 waits_s: held.waits_s,
                 share: if held.goes { GOES_SHARE } else { 1.0 },
-                has_green: block.light_m.is_some() && signal != Some(Signal::Off),
+                has_green: block.light_m.is_some_and(|line_m| applies(at, line_m)),
                 has_moved_up: held.creep_m.is_some(),
             };
             let most_mps2 = if held.stops { KEEPS_MPS2 } else { self.params.brake_mps2 };
@@ -371,6 +370,15 @@ impl Held {
             }
         }
     }
+}
+
+/// True if the light at a stop line applies: also if it is not seen, but not if it is off.
+fn applies(at: &Situation<'_>, line_m: f64) -> bool {
+    let lights = at.lights.map_or(&[][..], |lights| &lights.lights);
+    let mut own = lights
+        .iter()
+        .filter(|light| light.stop_s_m.is_some_and(|stop_m| (stop_m - line_m).abs() < SAME_LINE_M));
+    !own.any(|light| light.signal == Some(Signal::Off))
 }
 
 impl BehaviourPlanner for RuleBased {

@@ -1,7 +1,6 @@
 //! Conflict zones and crossings along a route.
 
 use core::f64::consts::PI;
-use std::collections::BTreeSet;
 
 use swerve_geom::{Polyline, angle_between};
 use swerve_map::conflict::{Meeting, Zone};
@@ -38,8 +37,6 @@ pub(super) struct RouteZone {
     pub(super) is_oncoming: bool,
     /// Speed at which bends and limits let traffic of the other lane pass, m/s.
     pub(super) other_mps: f64,
-    /// True if lights are before the other lane.
-    pub(super) other_has_light: bool,
 }
 
 /// Zones that are passed without a stop between them.
@@ -109,7 +106,6 @@ pub(super) fn lanes(route: &Route, map: &Map) -> Vec<OnLane> {
 /// Blocks of zones of a route, the nearest first, for an ego with this distance from its centre to its front.
 pub(super) fn blocks(route: &Route, lanes: &[OnLane], roads: Roads<'_>, half_m: f64) -> Vec<Block> {
     let begin_rad = |lane: LaneId| Some(roads.map.lane(lane)?.line.at(0.0).pose.heading_rad);
-    let lit = lit_lanes(roads.map);
     let mut zones: Vec<RouteZone> = Vec::new();
     for on in lanes {
         let all = roads.conflicts.zones_of(on.lane).iter();
@@ -120,8 +116,7 @@ pub(super) fn blocks(route: &Route, lanes: &[OnLane], roads: Roads<'_>, half_m: 
                 .is_some_and(|(own_rad, other_rad)| angle_between(own_rad, other_rad).abs() > ONCOMING_RAD);
             if at_m[1] > on.from_m && at_m[0] < on.to_m {
                 let other_mps = roads.map.lane(zone.other).map_or(f64::INFINITY, lane_mps);
-                let other_has_light = lit.contains(&zone.other);
-                zones.push(RouteZone { at_m, zone: *zone, is_oncoming, other_mps, other_has_light });
+                zones.push(RouteZone { at_m, zone: *zone, is_oncoming, other_mps });
             }
         }
     }
@@ -152,13 +147,6 @@ pub(super) fn blocks(route: &Route, lanes: &[OnLane], roads: Roads<'_>, half_m: 
         after_m = block.end_m;
     }
     blocks
-}
-
-/// Lanes with a stop line with signals, and those that they lead into.
-fn lit_lanes(map: &Map) -> BTreeSet<LaneId> {
-    let lines = map.stop_lines().iter().filter(|line| !line.signals.is_empty());
-    let ways = lines.filter_map(|line| map.lane(line.lane));
-    ways.flat_map(|lane| lane.successors.iter().copied().chain([lane.id])).collect()
 }
 
 /// Moves the place to wait to the first stop line of a block, beyond `after_m`.

@@ -1,12 +1,11 @@
 //! Moving up in a junction: while the ego waits, it drives slowly to just before the first zone of those with priority.
 
-use swerve_msg::{Signal, SpeedLimit};
+use swerve_msg::SpeedLimit;
 
 use super::block::{Block, RouteCrossing, RouteZone, ZONE_GAP_M};
 use super::entry::Entry;
 use super::others::{REST_MPS, Vehicle};
-use super::{Held, SAME_LINE_M, STOP_SIGN_S};
-use crate::Situation;
+use super::{Held, STOP_SIGN_S};
 
 /// Shortest way that is worth it, metres.
 const LEAST_M: f64 = 3.0;
@@ -24,16 +23,6 @@ pub(super) struct Around<'a> {
     pub(super) lead_m: Option<f64>,
 }
 
-/// Signal at a stop line; of several, the first of off, red, yellow and green.
-pub(super) fn signal(at: &Situation<'_>, line_m: f64) -> Option<Signal> {
-    let lights = at.lights.map_or(&[][..], |lights| &lights.lights);
-    let is_own = |stop_m: f64| (stop_m - line_m).abs() < SAME_LINE_M;
-    let own = lights.iter().filter(|light| light.stop_s_m.is_some_and(is_own));
-    let shown: Vec<Signal> = own.filter_map(|light| light.signal).collect();
-    let order = [Signal::Off, Signal::Red, Signal::Yellow, Signal::Green];
-    order.into_iter().find(|signal| shown.contains(signal))
-}
-
 impl Entry<'_> {
     /// Place to which the front of the ego may move up in a block in which others have to pass first, metres.
     pub(super) fn creep_m(&self, block: &Block, around: Around<'_>) -> Option<f64> {
@@ -49,16 +38,14 @@ impl Entry<'_> {
         (!is_behind).then_some(to_m)
     }
 
-    /// True if vehicles with priority use a zone, or somebody comes to it, or stays in it, whom no light holds.
+    /// True if vehicles with priority use a zone, or somebody comes to it, or stays in it.
     fn is_closed(&self, zone: &RouteZone) -> bool {
-        let is_held = self.has_green && !zone.is_oncoming && zone.other_has_light;
         let there_s = (zone.at_m[0] - self.own.center_m) / self.params.creep_mps.max(REST_MPS);
         let is_in_way = |other: &Vehicle| {
             let leaves = |out_m: f64| other.speed_mps > REST_MPS && out_m / other.speed_mps < there_s;
-            let way_m = self.way_m(other, zone).filter(|_| !self.has_red(other, zone));
-            way_m.is_some_and(|[in_m, out_m]| in_m > 0.0 || !leaves(out_m))
+            self.way_m(other, zone).is_some_and(|[in_m, out_m]| in_m > 0.0 || !leaves(out_m))
         };
-        (zone.zone.yields && !is_held) || self.vehicles.iter().any(is_in_way)
+        zone.zone.yields || self.vehicles.iter().any(is_in_way)
     }
 }
 

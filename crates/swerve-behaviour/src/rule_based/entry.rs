@@ -158,7 +158,7 @@ impl Entry<'_> {
     }
 
     /// True if a red light holds a vehicle, because the ego has green.
-    pub(super) fn has_red(&self, other: &Vehicle, zone: &RouteZone) -> bool {
+    fn has_red(&self, other: &Vehicle, zone: &RouteZone) -> bool {
         let has_light = other.reach(zone.zone.other).is_some_and(|reach| reach.has_light);
         self.has_green && !zone.is_oncoming && has_light
     }
