@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 LENGTH_M = (900.0, 1600.0)
+DRAWS_MAX = 200  # for each route
 PROGRAM = os.environ.get("SWERVE", "swerve")
 
 ROUTE = """name = "{name}"
@@ -36,21 +37,31 @@ pedestrians = 40
 
 
 def shown(*arguments):
-    """What `swerve map show` prints, or None if it fails."""
-    done = subprocess.run([PROGRAM, "map", "show", *arguments, "--json"], capture_output=True, text=True)
-    return json.loads(done.stdout) if done.returncode == 0 else None
+    """What `swerve map show` prints, and its message if it fails."""
+    try:
+        done = subprocess.run([PROGRAM, "map", "show", *arguments, "--json"], capture_output=True, text=True)
+    except OSError as error:
+        sys.exit(f"{PROGRAM}: {error.strerror}: name the program in the variable SWERVE")
+    return (json.loads(done.stdout) if done.returncode == 0 else None), done.stderr.strip()
 
 
 def main():
+    if len(sys.argv) < 3 or not all(text.isdigit() for text in sys.argv[3:]):
+        sys.exit(__doc__)
     path, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
     count, seed = (int(text) for text in (sys.argv[3:] + ["10", "1"][len(sys.argv) - 3 :]))
+    network, message = shown(str(path))
+    if network is None:
+        sys.exit(message or f"{path}: cannot be shown")
     folder.mkdir(parents=True, exist_ok=True)
-    extent = shown(str(path))["extent_m"]
-    draw, made = random.Random(seed), 0
+    draw, made, draws = random.Random(seed), 0, 0
     while made < count:
-        start, goal = ([draw.uniform(*extent[axis]) for axis in "xy"] for _ in range(2))
+        if draws == DRAWS_MAX * count:
+            sys.exit(f"{path}: {made} routes of {LENGTH_M[0]:.0f} to {LENGTH_M[1]:.0f} m in {draws} draws, expected {count}")
+        draws += 1
+        start, goal = ([draw.uniform(*network["extent_m"][axis]) for axis in "xy"] for _ in range(2))
         ends = [f"{x:.1f},{y:.1f}" for x, y in (start, goal)]
-        found = shown(str(path), "--route", *ends)
+        found, _ = shown(str(path), "--route", *ends)
         if not found or not LENGTH_M[0] <= found["route"]["length_m"] <= LENGTH_M[1]:
             continue
         name = f"{path.stem.lower()}_{made + 1:02}"

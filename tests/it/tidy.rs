@@ -366,6 +366,14 @@ fn root_holds_no_results() {
     assert!(strays.is_empty(), "{strays:?}");
 }
 
+/// No file has the marks of a merge that was not finished.
+#[test]
+fn merges_are_finished() {
+    let listed = Command::new("git").args(["grep", "-lE", "^(<{7}|>{7}) "]).current_dir(root()).output();
+    let found = listed.map_or_else(|_| Vec::new(), |listed| listed.stdout);
+    assert!(found.is_empty(), "{}", String::from_utf8_lossy(&found));
+}
+
 /// Sources of all crates without their tests: path relative to `crates/`, text.
 fn sources() -> Vec<(String, String)> {
     let crates = root().join("crates");

@@ -140,6 +140,9 @@ impl Study {
         }
         if let Some(plot) = &file.plot {
             plot.check(document, (&axes, &steps), &mut problems);
+            if file.budget.is_some() {
+                problems.push(document.problem("plot", "not with budget: a budget has bounds, no mean"));
+            }
         }
         if let Some(timely) = &file.timely {
             timely.check(document, &axes, &mut problems);

@@ -6,7 +6,7 @@ use swerve_draw::color::{Look, looks_repeat, series as look_of};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, names_beside, number};
 use swerve_report::output::align;
 
-use crate::chance::student_95;
+use crate::chance::{student_95, wilson};
 use crate::csv::field;
 use crate::grid::Study;
 use crate::result::CellResult;
@@ -30,6 +30,8 @@ struct Line {
 struct Point {
     x: f64,
     values: Vec<f64>,
+    /// True if the values are booleans.
+    is_share: bool,
 }
 
 impl Point {
@@ -37,17 +39,26 @@ impl Point {
         self.values.iter().sum::<f64>() / self.values.len() as f64
     }
 
-    /// Half of the width of the 95 % interval of the mean (Student 1908); `None` for a single drive.
-    fn half(&self) -> Option<f64> {
+    /// Interval of 95 %: of a mean by Student's t (1908), of a share by Wilson (1927). Of a single number, the number.
+    fn interval(&self) -> [f64; 2] {
         let (n, mean) = (self.values.len(), self.mean());
+        if self.is_share {
+            let (low, high) = wilson(self.values.iter().sum::<f64>() as usize, n);
+            return [low, high];
+        }
         let squares: f64 = self.values.iter().map(|value| (value - mean) * (value - mean)).sum();
-        (n > 1).then(|| student_95(n - 1) * (squares / (n - 1) as f64 / n as f64).sqrt())
+        let half = if n > 1 { student_95(n - 1) * (squares / (n - 1) as f64 / n as f64).sqrt() } else { 0.0 };
+        [mean - half, mean + half]
     }
 
-    /// Ends of the interval; both are the value of a single drive.
-    fn interval(&self) -> [f64; 2] {
-        let half = self.half().unwrap_or(0.0);
-        [self.mean() - half, self.mean() + half]
+    /// The mean, its interval, and the number of drives, as a cell of a table.
+    fn text(&self) -> String {
+        let ([low, high], mean, n) = (self.interval(), self.mean(), self.values.len());
+        match (self.is_share, n) {
+            (true, _) => format!("{mean:.2} ({low:.2}-{high:.2}, {n})"),
+            (false, 1) => format!("{mean:.1} (1)"),
+            (false, _) => format!("{mean:.1} \u{b1}{:.1} ({n})", high - mean),
+        }
     }
 }
 
@@ -67,8 +78,8 @@ impl<'a> Means<'a> {
             let name = named.iter().map(|&axis| result.labels[axis].as_str()).collect::<Vec<_>>().join(", ");
             let new = || Line { name: name.clone(), points: Vec::new() };
             let line = found_or(&mut lines, |line| line.name == name, new);
-            let point = found_or(&mut line.points, |point| point.x == x, || Point { x, values: Vec::new() });
-            point.values.push(value);
+            let new = || Point { x, values: Vec::new(), is_share: value.1 };
+            found_or(&mut line.points, |point| point.x == x, new).values.push(value.0);
         }
         for line in &mut lines {
             line.points.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -97,10 +108,7 @@ impl<'a> Means<'a> {
         for line in &self.lines {
             let cell = |x: &f64| match line.points.iter().find(|point| point.x == *x) {
                 None => "-".to_owned(),
-                Some(point) => {
-                    let half = point.half().map_or_else(String::new, |half| format!(" \u{b1}{half:.1}"));
-                    format!("{:.1}{half} ({})", point.mean(), point.values.len())
-                }
+                Some(point) => point.text(),
             };
             rows.push([line.name.clone()].into_iter().chain(all_x.iter().map(cell)).collect());
         }
@@ -153,12 +161,12 @@ impl<'a> Means<'a> {
     }
 }
 
-/// A number, or a boolean as 0 or 1, so that its mean is a share.
-fn numeric(text: &str) -> Option<f64> {
+/// A number, or a boolean as 0 or 1, so that its mean is a share; with true for booleans.
+fn numeric(text: &str) -> Option<(f64, bool)> {
     match text {
-        "true" => Some(1.0),
-        "false" => Some(0.0),
-        text => text.parse().ok().filter(|value: &f64| value.is_finite()),
+        "true" => Some((1.0, true)),
+        "false" => Some((0.0, true)),
+        text => text.parse().ok().filter(|value: &f64| value.is_finite()).map(|value| (value, false)),
     }
 }
 
@@ -229,13 +237,14 @@ mod tests {
 
     /// Mean 2.5, standard deviation sqrt(5 / 3), t of 3 degrees of freedom 3.182: half of 1.291 * 3.182 = 2.054.
     #[test]
-    fn interval_of_four_drives() {
-        let point = Point { x: 0.0, values: vec![1.0, 2.0, 3.0, 4.0] };
-        assert!((point.half().unwrap() - 2.054).abs() < 1e-3);
-        assert_eq!(Point { x: 0.0, values: vec![7.0] }.half(), None);
-        assert_eq!(
-            [numeric("true"), numeric("false"), numeric(""), numeric("3")],
-            [Some(1.0), Some(0.0), None, Some(3.0)]
-        );
+    fn intervals_of_means_and_shares() {
+        let point = |values: &[f64], is_share| Point { x: 0.0, values: values.to_vec(), is_share };
+        let four = point(&[1.0, 2.0, 3.0, 4.0], false);
+        assert!((four.interval()[1] - 2.5 - 2.054).abs() < 1e-3);
+        assert_eq!(four.text(), "2.5 \u{b1}2.1 (4)");
+        assert_eq!(point(&[7.0], false).text(), "7.0 (1)");
+        assert_eq!(point(&[0.0; 4], true).text(), "0.00 (0.00-0.49, 4)");
+        let read = ["true", "false", "", "3"].map(numeric);
+        assert_eq!(read, [Some((1.0, true)), Some((0.0, true)), None, Some((3.0, false))]);
     }
 }
