@@ -411,7 +411,7 @@ impl BehaviourPlanner for RuleBased {
             let lead_m = lead.map(|(_, rear_m)| rear_m);
             let red_m = stops.iter().map(|stop| stop.point.s_m).reduce(f64::min);
             let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m, lead_m), dt_s);
-            if let Some(stop) = more.iter().find(|_| self.creeps()) {
+            if let Some(stop) = more.first().filter(|_| self.creeps()) {
                 decision.limits =
                     creep::slow(&decision.limits, [at.place.s_m, stop.point.s_m], self.params.creep_mps);
             }

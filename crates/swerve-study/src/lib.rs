@@ -457,14 +457,14 @@ fn report(
         more = pictures.write_in(out, "curve", &picture)? + ", ";
         drawn.push(("Curves".to_owned(), picture.svg()));
     }
-    let mut told = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
+    let mut tables = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(plot) = &study.plot {
         let means = plot::Means::of(study, plot, results);
         write_whole(&out.join("plot.csv"), means.csv().as_bytes())?;
         let picture = means.draw();
         more += &format!("plot.csv, {}, ", pictures.write_in(out, "plot", &picture)?);
         drawn.push(("Plot".to_owned(), picture.svg()));
-        told += &(means.text() + "\n");
+        tables += &(means.text() + "\n");
     }
     let mut foreseen = String::new();
     if let Some((timely_prediction, folder)) = &study.timely_prediction {
@@ -486,10 +486,10 @@ fn report(
     if let Some(ranking) = &study.ranking {
         let settings = ranking::settings(study, ranking, results);
         write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
-        told += &(ranking::text(ranking, &settings) + "\n");
+        tables += &(ranking::text(ranking, &settings) + "\n");
     }
     Ok(format!(
-        "{}\n{foreseen}{told}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
+        "{}\n{foreseen}{tables}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
         grid.text(),
         study.cells.len(),
         out.display()

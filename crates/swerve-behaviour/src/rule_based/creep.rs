@@ -14,7 +14,7 @@ const ARRIVED_M: f64 = 2.5;
 /// Distance kept behind the vehicle ahead, metres.
 const BEHIND_M: f64 = 2.0;
 
-/// What the ego may move up to, apart from zones.
+/// Bounds of moving up, apart from zones.
 #[derive(Clone, Copy)]
 pub(super) struct Around<'a> {
     /// Crossings of the route, the nearest first.

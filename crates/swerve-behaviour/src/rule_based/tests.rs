@@ -7,12 +7,12 @@ mod property;
 use core::f64::consts::PI;
 use std::sync::Arc;
 
-use swerve_geom::{Point2, Pose2, math};
-use swerve_map::{Crossing, CrossingId, LaneId, Map, StopLine, StopSign};
+use swerve_geom::{Pose2, math};
+use swerve_map::{LaneId, Map, StopLine, StopSign};
 use swerve_msg::{ActorKind, Decision, DrivingState, StopReason, TrafficLight, TrafficLights};
 
 use super::*;
-use posed::{Posed, on_arm};
+use posed::{Posed, map_with_crossing, on_arm};
 
 /// Headings of traffic that drives into a crossing from the west, south, east and north, in quarters.
 pub(super) const FROM_WEST: i32 = 0;
@@ -222,15 +222,7 @@ fn stop_sign_takes_a_second_at_rest() {
 
 #[test]
 fn pedestrian_on_a_crossing_or_about_to_use_it_stops_the_ego() {
-    let (lanes, mut features) = Map::clone(&Posed::on("crossing_right_first.xodr").map).into_parts();
-    let corners = [(-34.0, -6.0), (-30.0, -6.0), (-30.0, 6.0), (-34.0, 6.0)];
-    features.crossings.push(Crossing {
-        id: CrossingId(1),
-        name: String::new(),
-        outline: corners.map(|(x_m, y_m)| Point2::new(x_m, y_m)).to_vec(),
-        lanes: Vec::new(),
-    });
-    let map = Arc::new(Map::with_features(lanes, features).unwrap());
+    let map = map_with_crossing("crossing_right_first.xodr", [(-34.0, -6.0), (-30.0, 6.0)]);
     let walks = |y_m: f64, heading_rad: f64, speed_mps: f64| {
         let posed = Posed::with(Arc::clone(&map)).route(on_arm(FROM_WEST, -100.0), on_arm(FROM_WEST, 60.0));
         let posed = posed.ego(on_arm(FROM_WEST, -34.0), 20.0, 8.0);

@@ -67,15 +67,7 @@ fn ego_stays_at_the_line_where_it_would_be_in_the_way() {
 #[test]
 fn ego_does_not_stop_on_a_crossing() {
     let with_crossing = |y_m: [f64; 2]| {
-        let (lanes, mut features) = Map::clone(&Posed::on("crossing_priority.xodr").map).into_parts();
-        let corners = [(0.0, y_m[0]), (4.0, y_m[0]), (4.0, y_m[1]), (0.0, y_m[1])];
-        features.crossings.push(Crossing {
-            id: CrossingId(1),
-            name: String::new(),
-            outline: corners.map(|(x_m, y_m)| Point2::new(x_m, y_m)).to_vec(),
-            lanes: Vec::new(),
-        });
-        let map = Arc::new(Map::with_features(lanes, features).unwrap());
+        let map = map_with_crossing("crossing_priority.xodr", [(0.0, y_m[0]), (4.0, y_m[1])]);
         let mut posed = from_side_road(Posed::with(map), 1.0);
         let decision = waits(&mut posed);
         moves_m(&posed, &decision)

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use core::f64::consts::FRAC_PI_2;
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Pose2, angle_between};
+use swerve_geom::{Point2, Pose2, angle_between};
 use swerve_map::conflict::Conflicts;
 use swerve_map::router::{self, Stop};
-use swerve_map::{LaneKind, Map};
+use swerve_map::{Crossing, CrossingId, LaneKind, Map};
 use swerve_map_io::MapFile;
 use swerve_msg::{
     ActorId, ActorKind, Decision, EgoState, Extent, PredictedPose, Prediction, Route, TrafficLights,
@@ -40,6 +40,19 @@ pub(super) fn on_arm(quarters: i32, ahead_m: f64) -> Pose2 {
     let to: Pose2 = Pose2::new(0.0, 0.0, f64::from(quarters) * FRAC_PI_2);
     let point = to.point() + to.direction() * ahead_m - to.direction().left() * 1.75;
     Pose2::new(point.x_m, point.y_m, to.heading_rad)
+}
+
+/// A map of the scenarios with one more pedestrian crossing, a rectangle from its lowest to its highest corner.
+pub(super) fn map_with_crossing(name: &str, [(x0_m, y0_m), (x1_m, y1_m)]: [(f64, f64); 2]) -> Arc<Map> {
+    let (lanes, mut features) = Map::clone(&Posed::on(name).map).into_parts();
+    let corners = [(x0_m, y0_m), (x1_m, y0_m), (x1_m, y1_m), (x0_m, y1_m)];
+    features.crossings.push(Crossing {
+        id: CrossingId(1),
+        name: String::new(),
+        outline: corners.map(|(x_m, y_m)| Point2::new(x_m, y_m)).to_vec(),
+        lanes: Vec::new(),
+    });
+    Arc::new(Map::with_features(lanes, features).unwrap())
 }
 
 impl Posed {

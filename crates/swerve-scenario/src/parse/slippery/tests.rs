@@ -10,10 +10,10 @@ const MAP: &str = "name = \"ice\"\nego = { start = { road = \"4\", lane = -1, s_
 fn parsed(ground: &str, patch: &str) -> Result<Scenario, Vec<String>> {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/ice.toml");
     let text = format!("{ground}[[slippery]]\n{patch}\n");
-    let told = |problem: &swerve_text::Problem| {
+    let printed = |problem: &swerve_text::Problem| {
         format!("{} {}: {}", problem.line.unwrap_or(0), problem.key, problem.message)
     };
-    Scenario::parse(file, &text).map_err(|problems| problems.iter().map(told).collect())
+    Scenario::parse(file, &text).map_err(|problems| problems.iter().map(printed).collect())
 }
 
 /// `[[slippery]]` is line 5.
