@@ -8,7 +8,7 @@ use super::Comfort;
 use super::scene::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
 use crate::following::Step;
 use crate::lane::{Aside, aside, stretch};
-use crate::passing::{Passing, is_oncoming};
+use crate::passing::Passing;
 use crate::request::Request;
 use crate::steady_stop::{self, Demands, JERK_MPS3};
 use crate::traffic::Mover;
@@ -51,28 +51,30 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For an ego near people, the gentlest steady braking that suffices, wherever it ends. Up to 30 km/h it may use all
-    /// of the vehicle's braking; above that less, and only for a person who begins to cross. `None` if a vehicle is
-    /// oncoming. An ego at rest waits only for people who move.
+    /// For an ego near people, the gentlest steady braking that suffices. Up to 30 km/h it may use all of the vehicle's
+    /// braking and end anywhere; above that it uses less, and only to come to rest short of a person who begins to
+    /// cross. An ego at rest waits only for people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
         let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
-        let comes = |one: &Mover| is_oncoming(one, scene.request.route, scene.request.shape.width_m);
-        if movers.iter().any(comes) || !movers.iter().any(counts) {
+        if !movers.iter().any(counts) {
             return None;
         }
-        if v > SLOW_MPS && !movers.iter().any(may_hurry) {
-            return None;
-        }
+        let short_of_m = if v > SLOW_MPS { self.first_hurried_m(scene)? } else { f64::INFINITY };
         let request = &Request { limits: scene.vehicle, ..*scene.request };
         let beyond = self.lane(request).is_over(scene.place.s_m, scene.place.d_m);
         let way = if beyond { self.gentle.way_on(request, v * SETTLE_S) } else { self.way_in_lane(scene) };
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
-        let firm_mps2 = if v > TOWN_MPS { FIRM_FAST_MPS2 } else { FIRM_MPS2 };
-        let firm = [vehicle_mps2.min(firm_mps2), FIRM_MPS3];
+        let firm = [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3];
         let slow = [[vehicle_mps2, JERK_MPS3], [vehicle_mps2, FIRM_MPS3]];
-        let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
+        let front_m = request.shape.length_m - request.shape.rear_overhang_m;
+        let rests_short = |(end, _): &(Pose2, Time)| {
+            self.gentle.line().project(end.point(), scene.place.s_m).0 + front_m < short_of_m
+        };
+        let usable = |poses: &[(Pose2, Time)]| {
+            poses.last().is_none_or(rests_short) && self.gentle.keeps_road(request, poses)
+        };
         let stop = |&[most_mps2, jerk_mps3]: &[f64; 2]| {
             let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
             let demands = (self.short_stop(jerk_mps3), &usable as _);
@@ -80,6 +82,12 @@ impl Comfort {
         };
         let plan = if v > SLOW_MPS { stop(&firm) } else { slow.iter().find_map(stop) }?;
         Some(Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// Arc length of the first person ahead who begins to cross, metres.
+    fn first_hurried_m(&self, scene: &Scene<'_>) -> Option<f64> {
+        let hurried = scene.traffic.movers.iter().filter(|one| may_hurry(one)).map(|one| one.knots[0]);
+        hurried.filter(|at| at.to_m > scene.place.s_m).map(|at| at.from_m).min_by(f64::total_cmp)
     }
 
     /// Stop of an ego that has begun to move out of its lane and meets an oncoming vehicle: the gentlest steady braking
@@ -148,11 +156,9 @@ fn may_hurry(one: &Mover) -> bool {
 /// Up to this speed an ego stops for a person who enters its path instead of going round, m/s: 30 km/h.
 const SLOW_MPS: f64 = 8.5;
 
-/// Above that speed it does so for a person who has just set off if the first of these decelerations suffices, m/s²,
-/// built up at this rate, m/s³; above 50 km/h, in m/s, the second one, which leaves a reserve for what is not foreseen.
+/// Above that speed it stops only for a person who has just set off, and only if this deceleration suffices, m/s², built
+/// up at this rate, m/s³: a reserve for what is not foreseen.
 const FIRM_MPS2: f64 = 6.5;
-const FIRM_FAST_MPS2: f64 = 5.0;
-const TOWN_MPS: f64 = 14.0;
 const FIRM_MPS3: f64 = 20.0;
 
 /// A stop in the lane straightens within this time, seconds, and at least this distance, metres; step of its path, metres.
