@@ -78,6 +78,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/everyday/oncoming_over_the_line.toml"
     "scenarios/everyday/parked_at_the_edge.toml"
     "scenarios/everyday/pass_given_up.toml"
+    "scenarios/everyday/pedestrian_before_oncoming_car.toml"
     "scenarios/everyday/pedestrian_crosses_late.toml"
     "scenarios/everyday/pedestrian_runs.toml"
     "scenarios/everyday/pedestrian_stops.toml"

@@ -133,6 +133,7 @@ fn course(along: Along, at: Pose2, from: FrenetPoint, line: &Polyline) -> Course
         Along::Road => {
             let turn_rad = swerve_geom::angle_between(line.at(from.s_m).pose.heading_rad, at.heading_rad);
             let against = turn_rad.abs() > core::f64::consts::FRAC_PI_2;
+            let turn_rad = if against { core::f64::consts::PI.copysign(turn_rad) } else { 0.0 };
             Course::Road { from, sign: if against { -1.0 } else { 1.0 }, turn_rad }
         }
     }
@@ -265,8 +266,19 @@ mod tests {
                 assert!((place.s_m - (60.0 + sign * 8.0 * t)).abs() < 0.1, "{place:?}");
                 let moved = (next.pose.point() - now.pose.point()) * 1e5;
                 assert!((moved - now.velocity_mps).norm() < 0.2, "{moved:?} {:?}", now.velocity_mps);
+                assert!(now.velocity_mps.dot(now.pose.direction()) > 7.0, "it faces the way it drives: {now:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_cyclist_who_has_moved_out_faces_along_the_road_again() {
+        let out = "path = { speed_mps = 4.0, points = [[36.0, 8.15]] }";
+        let on = "drive = { along = \"road\", speed_mps = 4.0 }";
+        let (script, line) =
+            script(STRAIGHT, &format!("s_m = 30.0\nd_m = 4.0\nmotion = [{{ {out} }}, {{ {on} }}]"));
+        let heading = |t: f64| script.at(Some(t), &line).pose.heading_rad;
+        assert!((heading(1.0) - (4.15_f64 / 6.0).atan()).abs() < 1e-9 && heading(3.0) == 0.0, "{}", heading(3.0));
     }
 
     #[test]

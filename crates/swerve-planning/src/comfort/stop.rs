@@ -51,9 +51,8 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For an ego near people, the gentlest steady braking that suffices. Up to 30 km/h it may use all of the vehicle's
-    /// braking and end anywhere; above that it uses less, and only to come to rest short of a person who begins to
-    /// cross. An ego at rest waits only for people who move.
+    /// For an ego near people, the gentlest steady braking that suffices. Up to 30 km/h it may end anywhere; above that,
+    /// only short of a person who begins to cross. An ego at rest waits only for people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
@@ -66,8 +65,7 @@ impl Comfort {
         let beyond = self.lane(request).is_over(scene.place.s_m, scene.place.d_m);
         let way = if beyond { self.gentle.way_on(request, v * SETTLE_S) } else { self.way_in_lane(scene) };
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
-        let firm = [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3];
-        let slow = [[vehicle_mps2, JERK_MPS3], [vehicle_mps2, FIRM_MPS3]];
+        let jerks_mps3: &[f64] = if v > SLOW_MPS { &[FIRM_MPS3] } else { &[JERK_MPS3, FIRM_MPS3] };
         let front_m = request.shape.length_m - request.shape.rear_overhang_m;
         let rests_short = |(end, _): &(Pose2, Time)| {
             self.gentle.line().project(end.point(), scene.place.s_m).0 + front_m < short_of_m
@@ -75,12 +73,12 @@ impl Comfort {
         let usable = |poses: &[(Pose2, Time)]| {
             poses.last().is_none_or(rests_short) && self.gentle.keeps_road(request, poses)
         };
-        let stop = |&[most_mps2, jerk_mps3]: &[f64; 2]| {
-            let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
+        let stop = |jerk_mps3: f64| {
+            let brakes = (1..=BRAKE_STEPS).map(|k| vehicle_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
             let demands = (self.short_stop(jerk_mps3), &usable as _);
             steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, demands)
         };
-        let plan = if v > SLOW_MPS { stop(&firm) } else { slow.iter().find_map(stop) }?;
+        let plan = jerks_mps3.iter().find_map(|jerk_mps3| stop(*jerk_mps3))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
 
@@ -156,9 +154,7 @@ fn may_hurry(one: &Mover) -> bool {
 /// Up to this speed an ego stops for a person who enters its path instead of going round, m/s: 30 km/h.
 const SLOW_MPS: f64 = 8.5;
 
-/// Above that speed it stops only for a person who has just set off, and only if this deceleration suffices, m/s², built
-/// up at this rate, m/s³: a reserve for what is not foreseen.
-const FIRM_MPS2: f64 = 6.5;
+/// Jerk at which the deceleration grows if the ego must stop firmly, m/s³.
 const FIRM_MPS3: f64 = 20.0;
 
 /// A stop in the lane straightens within this time, seconds, and at least this distance, metres; step of its path, metres.

@@ -60,6 +60,21 @@ fn a_person_who_hurries_across_is_stopped_for() {
     }
 }
 
+/// A person sets off from the right edge: where the ego can stop, it does, and does not cross in front of her or go round.
+#[test]
+fn an_ego_on_a_fast_road_stops_short_of_a_person_who_steps_out() {
+    for (speed_mps, from_m) in [(16.0, 31.0), (18.0, 37.0), (20.0, 45.0), (22.0, 55.0)] {
+        let crosses = move |t_s: f64| [from_m, -3.0 + 1.6 * (t_s - 0.1).clamp(0.0, 5.6)];
+        for manner in &MANNERS[1..] {
+            let ego = EgoState { speed_mps, ..EgoState::default() };
+            let others: (ActorKind, &[Script<'_>]) = (ActorKind::Pedestrian, &[&crosses]);
+            let drive = drive_from(ego, speed_mps, ([5.25, 1.75], *manner), others, 7.0);
+            let least_m = drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min);
+            assert!(least_m > 0.5 && over_line(&drive).0 == 0.0, "{manner:?} {speed_mps} {least_m}");
+        }
+    }
+}
+
 /// A car at 8 m/s that a standing vehicle has hidden comes into sight 45 m ahead when the ego's nose is over the line.
 #[test]
 fn ego_that_moves_out_stops_at_once_for_a_car_that_comes_into_sight() {
