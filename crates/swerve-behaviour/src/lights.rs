@@ -3,6 +3,7 @@
 use swerve_core::Time;
 use swerve_geom::Polyline;
 use swerve_msg::{Signal, TrafficLight, TrafficLights};
+use swerve_vehicle::Shape;
 
 use crate::{FollowRouteParams, Situation};
 
@@ -12,6 +13,9 @@ const PASSED_M: f64 = 0.5;
 const ON_ROUTE_M: f64 = 2.0;
 /// Shortest time for which every light is yellow, seconds. Source: MUTCD (2009), section 4D.26.
 const YELLOW_MIN_S: f64 = 3.0;
+/// Distance from the line at which the tail is past it, metres: up to this distance the CARLA Leaderboard counts a light
+/// that turns red as run.
+const BEHIND_M: f64 = 1.0;
 /// Reserve before the light can be red for an ego that goes on at yellow, seconds: the first frame that shows yellow is
 /// late, and the speed is not held exactly.
 const EARLY_S: f64 = 0.25;
@@ -37,7 +41,7 @@ impl LightStops {
     pub(crate) fn update(&mut self, at: &Situation<'_>) -> &[f64] {
         self.move_to(at);
         if let Some(lights) = at.lights.filter(|_| at.ego.is_plausible()) {
-            self.hold(lights, [at.front_s_m(), at.ego.speed_mps], at.limits.brake_max_mps2);
+            self.hold(lights, [at.front_s_m(), at.ego.speed_mps], (at.shape, at.limits.brake_max_mps2));
         }
         &self.held
     }
@@ -62,7 +66,12 @@ impl LightStops {
     /// Updates the lines at which the ego stops: of red lights, of yellow ones by
     /// [`stops_at_yellow`](Self::stops_at_yellow), and of held lights that show nothing now; except lines behind the
     /// ego and new ones too close for full braking.
-    fn hold(&mut self, lights: &TrafficLights, [front_s_m, speed_mps]: [f64; 2], brake_max_mps2: f64) {
+    fn hold(
+        &mut self,
+        lights: &TrafficLights,
+        [front_s_m, speed_mps]: [f64; 2],
+        (shape, brake_max_mps2): (&Shape, f64),
+    ) {
         let TrafficLights { stamp, ref lights, .. } = *lights;
         self.watch_yellow(lights, stamp);
         let can_stop = |line_s_m: f64| front_s_m + way_m(speed_mps, brake_max_mps2) < line_s_m;
@@ -73,7 +82,9 @@ impl LightStops {
                 Some(Signal::Red) => held || can_stop(line_s_m),
                 Some(Signal::Yellow) => {
                     let ahead_m = line_s_m - front_s_m;
-                    held || self.stops_at_yellow(line_s_m, stamp, [ahead_m, speed_mps], brake_max_mps2)
+                    let over_m = ahead_m + shape.length_m + BEHIND_M;
+                    let ways_m = [ahead_m, over_m];
+                    held || self.stops_at_yellow((line_s_m, ways_m), stamp, speed_mps, brake_max_mps2)
                 }
                 Some(Signal::Green | Signal::Off) => false,
                 None => held,
@@ -107,14 +118,15 @@ impl LightStops {
         }
     }
 
-    /// Returns true if the ego stops at a yellow light: comfortably where there is room; else only if it cannot reach
-    /// the line in the least time that a light is yellow, and full braking suffices. So there is no position from which
-    /// the ego can neither stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
+    /// Returns true if the ego stops at a yellow light whose line is `ahead_m` ahead of its front: comfortably where
+    /// there is room; else only if it cannot drive `over_m`, past the line with its tail, in the least time that a light
+    /// is yellow, and full braking suffices. So there is no position from which the ego can neither stop nor pass (the
+    /// dilemma zone of Gazis, Herman and Maradudin 1960).
     fn stops_at_yellow(
         &self,
-        line_s_m: f64,
+        (line_s_m, [ahead_m, over_m]): (f64, [f64; 2]),
         stamp: Time,
-        [ahead_m, speed_mps]: [f64; 2],
+        speed_mps: f64,
         brake_max_mps2: f64,
     ) -> bool {
         let FollowRouteParams { brake_mps2, reaction_s } = self.params;
@@ -126,7 +138,7 @@ impl LightStops {
         // The reserve does not cause hard braking after a decision to go on.
         let early_s = if since == stamp { EARLY_S } else { 0.0 };
         let left_s = YELLOW_MIN_S - early_s - (stamp - since).as_secs();
-        speed_mps * left_s < ahead_m && way_m(speed_mps, brake_max_mps2) < ahead_m
+        speed_mps * left_s < over_m && way_m(speed_mps, brake_max_mps2) < ahead_m
     }
 }
 

@@ -74,7 +74,7 @@ impl Room {
             // Road users that leave room within the lane are passed there, with the distance left by the offset steps.
             let is_blocked = blocks(mover, request, wanted_m);
             let spare_m = spare_m(request, traffic, (k, mover, is_blocked), reach_m) - wanted.clearance_m;
-            let aside_m = spare_m.clamp(0.0, more_m);
+            let aside_m = if follows(mover, wanted.clearance_m + spare_m) { more_m } else { spare_m.clamp(0.0, more_m) };
             let ahead_m = (spare_m - aside_m).clamp(0.0, facing * wanted.step_out_m);
             room.traffic.replace(k, wider(one, aside_m, ahead_m), request, line);
             if one.kind.is_person() && in_lane > 0.0 {
@@ -106,6 +106,11 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
     }
     (mover.is_vehicle() && mover.motion(0.0).0 > STANDS_MPS && is_in_lane(mover, request))
         .then_some(wanted.vehicle_m)
+}
+
+/// True for a cyclist who rides in the ego's lane and would be passed closer than [`CYCLE_M`].
+fn follows(mover: &Mover, distance_m: f64) -> bool {
+    mover.kind == ActorKind::Cyclist && mover.motion(0.0).0 > STANDS_MPS && distance_m < CYCLE_M
 }
 
 /// True for a pedestrian who has just stopped beside the line, facing it: she may go on.
@@ -202,6 +207,9 @@ fn slow_mps(mover: &Mover, in_lane: f64, request: &Request<'_>, s_m: f64) -> f64
 /// Speed above that of a person at which the ego passes it with less room than desired, or in front of it, m/s: 20
 /// km/h.
 const PAST_MPS: f64 = 5.5;
+
+/// Least distance at which a cyclist is passed who moves, metres: with less the ego stays behind.
+const CYCLE_M: f64 = 1.0;
 
 /// Time before drawing level at which the ego begins to slow for that, seconds.
 const SLOWS_S: f64 = 4.0;

@@ -17,26 +17,28 @@ fn shows(ms: i64, signal: Signal) -> TrafficLights {
 /// Returns true if the ego stops at a light that turns yellow when the line is this far ahead of its front.
 fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
     let mut lines = LightStops::new(FollowRouteParams::default());
-    lines.hold(&shows(0, Signal::Yellow), [300.0 - ahead_m, speed_mps], full_mps2());
+    lines.hold(&shows(0, Signal::Yellow), [300.0 - ahead_m, speed_mps], (&Shape::default(), full_mps2()));
     !lines.held.is_empty()
 }
 
 #[test]
 fn ego_stops_at_yellow_where_3_mps2_suffice() {
-    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m; from 38.5 m the line is reached within 2.75 s, before red is possible.
-    assert!(stops_at_yellow(14.0, 40.0) && !stops_at_yellow(14.0, 38.0));
+    // 8 m/s: 8² / 6 + 0.5 s * 8 = 14.7 m; from there, the tail is a metre past the line within 2.75 s, before red is
+    // possible.
     assert!(stops_at_yellow(8.0, 15.0) && !stops_at_yellow(8.0, 14.0));
 }
 
-/// 20 m/s: from 55 to 76.7 m the ego is late for three seconds of yellow, less the reserve, and needs more than 3 m/s².
+/// 20 m/s: the tail is a metre past the line after 5.93 m more than the front. From 49.1 to 76.7 m the ego is late for
+/// three seconds of yellow, less the reserve, and needs more than 3 m/s².
 #[test]
 fn ego_always_stops_or_passes_at_yellow() {
-    assert!(stops_at_yellow(20.0, 77.0) && stops_at_yellow(20.0, 56.0) && !stops_at_yellow(20.0, 54.0));
+    assert!(stops_at_yellow(20.0, 77.0) && stops_at_yellow(20.0, 50.0) && !stops_at_yellow(20.0, 49.0));
     for tenths in 1..=300 {
         let speed_mps = 0.1 * f64::from(tenths);
         for ahead_m in 1..=250 {
             let ahead_m = f64::from(ahead_m);
-            let passes = ahead_m <= (YELLOW_MIN_S - EARLY_S) * speed_mps;
+            let over_m = ahead_m + Shape::default().length_m + BEHIND_M;
+            let passes = over_m <= (YELLOW_MIN_S - EARLY_S) * speed_mps;
             assert!(passes || stops_at_yellow(speed_mps, ahead_m), "{speed_mps} m/s {ahead_m} m");
         }
     }
@@ -47,9 +49,9 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
     let mut lines = LightStops::new(FollowRouteParams::default());
     // 2 % slower than at the decision, which the reserve covers.
     for tenth in 0..28 {
-        let front_m = 300.0 - 38.0 + 1.372 * f64::from(tenth);
+        let front_m = 300.0 - 32.5 + 1.372 * f64::from(tenth);
         let speed_mps = if tenth == 0 { 14.0 } else { 13.72 };
-        lines.hold(&shows(100 * i64::from(tenth), Signal::Yellow), [front_m, speed_mps], full_mps2());
+        lines.hold(&shows(100 * i64::from(tenth), Signal::Yellow), [front_m, speed_mps], (&Shape::default(), full_mps2()));
         assert!(lines.held.is_empty(), "{tenth}");
     }
 }
@@ -58,7 +60,7 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
 fn light_that_goes_off_does_not_hold() {
     let mut lines = LightStops::new(FollowRouteParams::default());
     for (signal, is_held) in [(Signal::Off, false), (Signal::Red, true), (Signal::Off, false)] {
-        lines.hold(&shows(0, signal), [250.0, 8.0], full_mps2());
+        lines.hold(&shows(0, signal), [250.0, 8.0], (&Shape::default(), full_mps2()));
         assert_eq!(!lines.held.is_empty(), is_held, "{signal:?}");
     }
 }
@@ -68,18 +70,18 @@ fn red_holds_until_green_and_where_full_brake_suffices() {
     let full_m = 14.0 * 14.0 / (2.0 * full_mps2());
     let held = |ahead_m: f64| {
         let mut lines = LightStops::new(FollowRouteParams::default());
-        lines.hold(&shows(0, Signal::Red), [300.0 - ahead_m, 14.0], full_mps2());
+        lines.hold(&shows(0, Signal::Red), [300.0 - ahead_m, 14.0], (&Shape::default(), full_mps2()));
         lines.held.len()
     };
     assert_eq!((held(full_m + 0.5), held(full_m - 0.5)), (1, 0));
     let mut lines = LightStops::new(FollowRouteParams::default());
-    lines.hold(&shows(0, Signal::Red), [240.0, 14.0], full_mps2());
+    lines.hold(&shows(0, Signal::Red), [240.0, 14.0], (&Shape::default(), full_mps2()));
     // Too close for full braking, by an inaccurate report: the stop is kept.
-    lines.hold(&shows(100, Signal::Red), [298.0, 14.0], full_mps2());
+    lines.hold(&shows(100, Signal::Red), [298.0, 14.0], (&Shape::default(), full_mps2()));
     assert_eq!(lines.held, [300.0]);
-    lines.hold(&TrafficLights { stamp: Time::from_ms(200), lights: Vec::new() }, [298.0, 0.0], full_mps2());
+    lines.hold(&TrafficLights { stamp: Time::from_ms(200), lights: Vec::new() }, [298.0, 0.0], (&Shape::default(), full_mps2()));
     assert_eq!(lines.held, [300.0], "out of sight is not green");
-    lines.hold(&shows(300, Signal::Green), [298.0, 0.0], full_mps2());
+    lines.hold(&shows(300, Signal::Green), [298.0, 0.0], (&Shape::default(), full_mps2()));
     assert!(lines.held.is_empty());
 }
 
