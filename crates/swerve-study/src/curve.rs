@@ -93,7 +93,7 @@ impl Curve {
             let mut names: Vec<(Style, String)> = Vec::new();
             for (k, (series, band)) in of_panel.enumerate() {
                 scale.draw_band(&mut canvas, top, (band, look_of(k)));
-                names.push((line_of(look_of(k)), series.name.clone()));
+                names.push((look_of(k).line(LINE_W), series.name.clone()));
             }
             let used = names_beside(&mut canvas, (LEFT + PANEL_W + 12.0, top), &names);
             width = width.max(LEFT + PANEL_W + 12.0 + used + 16.0);
@@ -109,9 +109,8 @@ const PANEL_W: f64 = 760.0;
 const PANEL_H: f64 = 220.0;
 const GAP: f64 = 56.0;
 
-fn line_of(look: Look) -> Style {
-    Style::line(look.color, 1.6).dashes(look.dash)
-}
+/// Width of a line.
+const LINE_W: f64 = 1.6;
 
 /// Runs of one combination.
 struct Series<'a> {
@@ -190,7 +189,7 @@ impl Scale {
         let at = |quartile: usize, k: usize| axes.at(k as f64 * EVERY.as_secs(), band[k][quartile]);
         let around = shown.clone().map(|k| at(0, k)).chain(shown.clone().rev().map(|k| at(2, k)));
         canvas.path(around, true, Style::fill(look.color).filled_by(0.18));
-        canvas.path(shown.map(|k| at(1, k)), false, line_of(look));
+        canvas.path(shown.map(|k| at(1, k)), false, look.line(LINE_W));
     }
 }
 

@@ -7,7 +7,6 @@ use swerve_text::{Range, TableReader};
 
 use super::map::{Loaded, Way};
 use super::{FRICTION, PLACE};
-use crate::slippery::stretch;
 use crate::{Road, Slippery};
 
 /// Largest number of patches: each wheel is compared with all of them in each step of the world.
@@ -80,7 +79,7 @@ impl Ground<'_> {
             return None;
         }
         let lane_m = || route.lane().left_m(s_m) + route.lane().right_m(s_m);
-        let line = stretch(route.line(), [s_m, end_m])?;
+        let line = route.line().part([s_m, end_m])?;
         Some(Slippery { name, friction, line, d_m, width_m: width_m.unwrap_or_else(lane_m) })
     }
 
