@@ -1,9 +1,11 @@
 //! Time curves of a study: for every combination the median over its seeds, with quartiles.
 
+use std::sync::atomic::AtomicBool;
+
 use swerve_core::{Span, Time};
 use swerve_draw::color::{Look, looks_repeat, series as look_of};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, names_beside};
-use swerve_drive::{Outcome, drive_observed};
+use swerve_drive::{Outcome, drive_unless};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
@@ -42,10 +44,15 @@ impl Observer for Readings {
 }
 
 impl Curve {
-    /// Drives the scenario. Returns the outcome and the curve.
-    pub(super) fn drive(self, config: &Setup, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
+    /// Drives the scenario, until `stop` is set. Returns the outcome and the curve.
+    pub(super) fn drive(
+        self,
+        config: &Setup,
+        scenario: &Scenario,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<(Outcome, Vec<f64>)> {
         let mut readings = Readings::default();
-        let outcome = drive_observed(config, scenario, 1, &mut [&mut readings])?;
+        let outcome = drive_unless(stop, config, scenario, &mut [&mut readings])?;
         let jerk = readings.lateral_mps2.windows(2).map(|pair| (pair[1] - pair[0]) / EVERY.as_secs());
         Ok((outcome, jerk.collect()))
     }
