@@ -53,7 +53,7 @@ use swerve_report::files::{CELLS, read_whole, write_whole};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
-use swerve_stack::pipeline::Pipeline;
+use swerve_stack::pipeline::{Pipeline, drawn};
 use swerve_text::{Problem, Problems};
 
 use consent::{Bases, StudyConsent};
@@ -63,7 +63,7 @@ use cluster::{Cluster, Job};
 use folder::OutArgs;
 use grid::{Cell, Study};
 use output::report;
-use result::CellResult;
+use result::{CellResult, ROAD_USERS_LEFT_OUT};
 
 /// `swerve study`.
 #[derive(clap::Args, Debug)]
@@ -377,7 +377,14 @@ impl Bench {
             return timely.run(cell, &config, scenario, &self.stop);
         }
         let expected = scenario.expectation(&config.pipeline_name());
-        let of_drive = |outcome: &Outcome| CellResult::of(cell, outcome, expected);
+        let of_drive = |outcome: &Outcome| {
+            let mut result = CellResult::of(cell, outcome, expected);
+            if scenario.traffic.is_some() {
+                let count = drawn(&config, scenario).left_out();
+                result.figures.insert(ROAD_USERS_LEFT_OUT.to_owned(), count as f64);
+            }
+            result
+        };
         match &self.study.budget {
             Some(budget) if is_limit(cell) => {
                 limit::largest_reaction(cell, (&config, scenario), budget, &self.stop)

@@ -12,6 +12,9 @@ use crate::grid::Cell;
 pub(crate) const AS_EXPECTED: &str = "as_expected";
 pub(crate) const NOT_AS_EXPECTED: &str = "not_as_expected";
 
+/// Key in `metrics.json` and `cells.csv` for the number of road users of the traffic for which there was no place.
+pub(crate) const ROAD_USERS_LEFT_OUT: &str = "road_users_left_out";
+
 /// Key in `cells.csv` for the name of the ego whose metrics these are, in runs with several.
 pub(crate) const EGO: &str = "ego";
 
@@ -77,6 +80,11 @@ impl CellResult {
     /// Unmet expectations.
     pub(crate) fn not_as_expected(&self) -> &str {
         self.texts.get(NOT_AS_EXPECTED).map_or("", String::as_str)
+    }
+
+    /// Number of road users of the traffic for which there was no place; `None` without traffic.
+    pub(crate) fn road_users_left_out(&self) -> Option<usize> {
+        self.figures.get(ROAD_USERS_LEFT_OUT).map(|count| *count as usize)
     }
 
     /// Result without metrics.
