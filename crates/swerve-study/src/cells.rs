@@ -11,16 +11,16 @@ use swerve_report::progress::Progress;
 use swerve_scenario::Expectation;
 use swerve_text::{FILE_MAX, read_string};
 
+use super::columns::{AS_EXPECTED, EGO, NOT_AS_EXPECTED, figures, texts};
 use super::grid::{Cell, Study};
-use super::result::{AS_EXPECTED, CellResult, EGO, NOT_AS_EXPECTED};
-use super::table;
+use super::result::CellResult;
 
 impl CellResult {
     /// Result of a drive, compared with its scenario's expectations. Of several egos it has the metrics of the one that
     /// fared worst.
     pub(crate) fn of(cell: &Cell, outcome: &Outcome, expected: Option<&Expectation>) -> Self {
         let (ego, metrics) = outcome.worst();
-        let mut texts = table::texts(metrics);
+        let mut texts = texts(metrics);
         texts.extend(ego.map(|ego| (EGO.to_owned(), ego.to_owned())));
         if let Some(expected) = expected {
             let broken = outcome.broken(expected);
@@ -37,7 +37,7 @@ impl CellResult {
             response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
             response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
             misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
-            figures: table::figures(metrics),
+            figures: figures(metrics),
             texts,
             scores: metrics.scores.clone(),
             ..Self::blank(cell, metrics.verdict.name())

@@ -16,6 +16,7 @@ mod limit;
 pub mod cells;
 mod chance;
 mod cluster;
+mod columns;
 mod csv;
 pub mod curve;
 pub mod grid;
@@ -60,10 +61,10 @@ use consent::{Bases, StudyConsent};
 
 use cells::{CellStore, Runner, Shard};
 use cluster::{Cluster, Job};
+use columns::ROAD_USERS_LEFT_OUT;
 use folder::OutArgs;
 use grid::{Cell, Study};
-use output::report;
-use result::{CellResult, ROAD_USERS_LEFT_OUT};
+use result::CellResult;
 
 /// `swerve study`.
 #[derive(clap::Args, Debug)]
@@ -330,7 +331,7 @@ impl Bench {
             self.run_cell(cell, page.as_deref())
         };
         let results = runner.run(&self.study, |cell| self.fingerprint(cell), run)?;
-        let text = report(self, &results, how.out, how.pictures)?;
+        let text = output::report(self, &results, how.out, how.pictures)?;
         if !how.is_quiet {
             swerve_report::output::print(&text)?;
         }

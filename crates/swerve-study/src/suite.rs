@@ -343,8 +343,8 @@ fn left_out_text(study: &Study, results: &[Option<CellResult>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::columns::ROAD_USERS_LEFT_OUT;
     use crate::grid::Cell;
-    use crate::result::ROAD_USERS_LEFT_OUT;
 
     fn seeds(text: &str) -> Result<Vec<i64>, String> {
         text.parse().map(|seeds: Seeds| seeds.each.into_iter().collect())
