@@ -1,6 +1,6 @@
 //! Styles of shapes and texts.
 
-use crate::color::{self, Color};
+use crate::color::{self, Color, Look};
 
 /// Fill and outline of a shape.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -14,6 +14,13 @@ pub struct Style {
     pub(crate) dash: [f64; 4],
     /// Radius of the corners of a rectangle.
     pub(crate) corner: f64,
+}
+
+impl Look {
+    /// A line of this colour and these dashes.
+    pub const fn line(self, width: f64) -> Style {
+        Style::line(self.color, width).dashes(self.dash)
+    }
 }
 
 impl Style {

@@ -128,7 +128,7 @@ fn sample() -> Picture {
     for (k, look) in color::SERIES.iter().enumerate() {
         let points = (0..=100).map(|i| 0.1 * f64::from(i));
         let wave = points.map(|x| axes.at(x, 0.1 * (k + 1) as f64 * swerve_geom::math::sin(x + k as f64)));
-        canvas.path(wave, false, Style::line(look.color, 1.6).dashes(look.dash));
+        canvas.path(wave, false, look.line(1.6));
     }
     canvas.end_clip();
     canvas.begin_titled("a box");

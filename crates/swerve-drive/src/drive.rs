@@ -1,11 +1,15 @@
 //! Running a pipeline, and its outcome.
 
+use core::fmt;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context as _;
 use swerve_core::Digest;
 use swerve_eval::{Metrics, Verdict};
-use swerve_flow::{Observer, RunOptions, RunReport, RuntimeModel, run_virtual, run_wall};
+use swerve_flow::{
+    EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, run_virtual, run_wall,
+};
 use swerve_log::Log;
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_stack::config::clock::Clock;
@@ -64,6 +68,52 @@ pub fn drive_observed(
     let mut pipeline = Pipeline::build(config, scenario)?;
     let _processes = Processes::start_needed(config, &mut pipeline)?;
     drive_pipeline(pipeline, config.seed, threads, observers)
+}
+
+/// Error of a drive that was stopped before its end.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Stopped;
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("stopped before the end of the drive")
+    }
+}
+
+impl core::error::Error for Stopped {}
+
+/// As [`drive_observed`], on one thread; a drive ends at its next event once `stop` is set.
+///
+/// # Errors
+/// [`Stopped`] if the drive was ended in this way.
+pub fn drive_unless(
+    stop: &AtomicBool,
+    config: &Setup,
+    scenario: &Scenario,
+    observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    let mut pipeline = Pipeline::build(config, scenario)?;
+    let _processes = Processes::start_needed(config, &mut pipeline)?;
+    let mut ends = EndsOn { stop, run: pipeline.graph.stop_handle() };
+    let outcome = drive_recorded(pipeline, config.seed, 1, (&mut [&mut ends], observers))?;
+    match outcome.report.end {
+        EndReason::Interrupted => Err(Stopped.into()),
+        _ => Ok(outcome),
+    }
+}
+
+/// Ends a run once a flag is set.
+struct EndsOn<'a> {
+    stop: &'a AtomicBool,
+    run: StopHandle,
+}
+
+impl Observer for EndsOn<'_> {
+    fn event(&mut self, _: &Event<'_>) {
+        if self.stop.load(Ordering::Relaxed) {
+            self.run.stop();
+        }
+    }
 }
 
 /// Runs a pipeline; `observers` as in [`drive_observed`].

@@ -30,7 +30,8 @@ pub mod trust;
 pub mod views;
 
 pub use drive::{
-    OtherOutcome, Outcome, drive, drive_observed, drive_pipeline, drive_recorded, record_run_times,
+    OtherOutcome, Outcome, Stopped, drive, drive_observed, drive_pipeline, drive_recorded, drive_unless,
+    record_run_times,
 };
 pub use ego::{EgoRun, OfEgo, of_ego};
 pub use lights::light_courses;

@@ -101,15 +101,12 @@ impl Clearances {
 
 /// Distance from the ego's footprint to an actor; returns `known_m` early if it cannot be smaller.
 fn distance(ego: &Obb, actor: &Actor, known_m: f64) -> f64 {
-    // Two sides of a rectangle are longer than its diagonal. This rules out most actors without a square root.
-    let sides_m = ego.half_length_m + ego.half_width_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
-    let reach_m = known_m + sides_m;
-    if (ego.center.point() - actor.pose.point()).norm_squared() > 1.01 * reach_m * reach_m {
+    let footprint = actor.footprint();
+    if ego.is_beyond(&footprint, known_m) {
         return known_m;
     }
     let circle = actor.kind == ActorKind::Pedestrian;
     let half_m = 0.5 * actor.extent.width_m;
-    let footprint = actor.extent.footprint(actor.pose);
     let reach_m = if circle { half_m } else { footprint.radius() };
     if ego.center.point().distance(actor.pose.point()) - ego.radius() - reach_m >= known_m {
         return known_m;

@@ -155,14 +155,10 @@ impl Traffic {
     fn time_to_collision(&mut self, world: &WorldState, outline: &Obb) {
         let own = world.ego.velocity_mps.coords;
         let own = Vector2::new(own.x, own.y);
-        let own_m = outline.half_length_m + outline.half_width_m;
         for actor in &world.actors {
             // One that is too far away to be there sooner is left out.
-            let sides_m = own_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
             let most_s = self.figures.min_ttc_s.unwrap_or(TTC_MAX_S);
-            let reach_m = sides_m + most_s * (actor.velocity_mps - own).norm();
-            let between_m = actor.pose.point() - outline.center.point();
-            if between_m.norm_squared() > 1.01 * reach_m * reach_m {
+            if outline.is_beyond(&actor.footprint(), most_s * (actor.velocity_mps - own).norm()) {
                 continue;
             }
             let soon = |time_s: &f64| *time_s <= TTC_MAX_S;

@@ -66,6 +66,15 @@ impl<F: Copy> Obb<F> {
         math::hypot(dx, dy)
     }
 
+    /// Returns true if the two rectangles are certainly more than `reach_m` apart: a quick test without a square root,
+    /// for which two sides of a rectangle stand in for its diagonal, as they are longer. False does not mean that they
+    /// are near.
+    pub fn is_beyond(&self, other: &Self, reach_m: f64) -> bool {
+        let sides_m = self.half_length_m + self.half_width_m + (other.half_length_m + other.half_width_m);
+        let apart_m = sides_m + reach_m;
+        (other.center.point() - self.center.point()).norm_squared() > 1.01 * apart_m * apart_m
+    }
+
     /// Returns true if the two rectangles share a point (separating axis theorem).
     pub fn overlaps(&self, other: &Self) -> bool {
         let between = other.center.point() - self.center.point();
@@ -174,6 +183,18 @@ mod tests {
         assert_eq!(obb(0.0, 0.0, 0.0).distance(&obb(1.0, 1.0, 0.7)), 0.0);
         assert!(obb(0.0, 0.0, 0.0).overlaps(&obb(0.1, 0.0, 0.0).grown(-0.9)), "containment overlaps");
         assert_eq!(obb(0.0, 0.0, 0.0).distance_to_point(Point2::new(5.0, 5.0)), 5.0);
+    }
+
+    /// Half sides of 2 m and 1 m each: beyond 6 m and the reach, with a hundredth of the square in reserve.
+    #[test]
+    fn rectangle_is_beyond_the_sum_of_half_sides_and_reach() {
+        let beyond = |x, h, reach_m| obb(0.0, 0.0, 0.0).is_beyond(&obb(x, 0.0, h), reach_m);
+        for h in [0.0, 0.7, 1.6] {
+            assert_eq!([beyond(6.02, h, 0.0), beyond(6.04, h, 0.0)], [false, true], "{h}");
+            assert_eq!([beyond(-16.07, h, 10.0), beyond(-16.09, h, 10.0)], [false, true], "{h}");
+        }
+        assert!(!beyond(1e9, 0.0, f64::INFINITY));
+        assert!(!beyond(f64::NAN, 0.0, 1.0));
     }
 
     #[test]

@@ -260,6 +260,7 @@ fn lights(table: &TableReader<'_>, strip: &Strip) -> Vec<TrafficLight> {
     let line = strip.is_line().then(|| strip.line());
     let mut seen = BTreeSet::new();
     let read = |(table, name): (&TableReader<'_>, &String)| {
+        addressable(table, name);
         if !name.is_empty() && !seen.insert(name.clone()) {
             table.report("name", format!("another light is named \"{name}\" already"));
         }
@@ -274,6 +275,15 @@ fn lights(table: &TableReader<'_>, strip: &Strip) -> Vec<TrafficLight> {
         light
     };
     tables.iter().zip(&names).map(read).collect()
+}
+
+/// Reports a name that cannot be part of a key of `--set` or of an axis: `actor.NAME.KEY=VALUE`.
+fn addressable(table: &TableReader<'_>, name: &str) {
+    if let Some(sign) = name.chars().find(|sign| ".=".contains(*sign)) {
+        let message =
+            format!("expected a name without `.` and `=`, which separate keys in --set; found `{sign}`");
+        table.report("name", message);
+    }
 }
 
 /// Durations of green, yellow and red of a light.
@@ -333,6 +343,7 @@ fn end(top: &TableReader<'_>, known: &[(ActorId, &str)]) -> End {
 fn unique(tables: &[TableReader<'_>], names: &[String], ego: &str, others: &[OtherEgo]) {
     let mut seen = BTreeSet::new();
     for (table, name) in tables.iter().zip(names) {
+        addressable(table, name);
         if name == "ego" {
             table.report("name", "\"ego\" is the ego vehicle's own name");
         } else if name == ego || others.iter().any(|other| other.name == *name) {

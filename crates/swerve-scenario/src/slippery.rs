@@ -32,10 +32,9 @@ impl Slippery {
 
     /// Corners of the patch, counter-clockwise from its right corner at the begin.
     pub fn outline(&self) -> Vec<Point2> {
-        let places = vertices(&self.line);
         let beside = |side: f64| {
             let d_m = self.d_m + 0.5 * side * self.width_m;
-            places.iter().map(move |&(s_m, _)| self.line.to_map(FrenetPoint { s_m, d_m }))
+            self.line.vertices().map(move |(s_m, _)| self.line.to_map(FrenetPoint { s_m, d_m }))
         };
         beside(-1.0).chain(beside(1.0).rev()).collect()
     }
@@ -47,28 +46,6 @@ impl Scenario {
         let on = self.slippery.iter().filter(|patch| patch.contains(point));
         on.map(|patch| patch.friction).reduce(f64::min)
     }
-}
-
-/// The part of a line from one arc length to another; `None` if that has no length.
-pub(crate) fn stretch(line: &Polyline, [from_m, to_m]: [f64; 2]) -> Option<Polyline> {
-    let end = |s_m: f64| line.at(s_m).pose.point();
-    let inner = vertices(line).into_iter().filter(|(s_m, _)| from_m < *s_m && *s_m < to_m);
-    let inner = inner.map(|(_, point)| point);
-    let points: Vec<Point2> =
-        core::iter::once(end(from_m)).chain(inner).chain(core::iter::once(end(to_m))).collect();
-    Polyline::new(&points).ok()
-}
-
-/// Vertices of a line, each with its arc length.
-fn vertices(line: &Polyline) -> Vec<(f64, Point2)> {
-    let mut s_m = 0.0;
-    let mut last = line.points()[0];
-    let place = |&point: &Point2| {
-        s_m += point.distance(last);
-        last = point;
-        (s_m, point)
-    };
-    line.points().iter().map(place).collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Latency budget: the largest added latency at which a run still ends well.
 
-use swerve_drive::drive;
+use std::sync::atomic::AtomicBool;
+
+use swerve_drive::drive_unless;
 use swerve_eval::Metrics;
 use swerve_msg::truth::Verdict;
 use swerve_scenario::Scenario;
@@ -9,18 +11,19 @@ use swerve_stack::Setup;
 use super::grid::{Budget, Cell};
 use super::result::CellResult;
 
-/// Finds the latency budget of one cell; `None` for a run that fails without added latency.
+/// Finds the latency budget of one cell; `None` for a run that fails without added latency. Its drives end once `stop` is
+/// set.
 pub(super) fn largest_latency(
     cell: &Cell,
-    config: &Setup,
-    scenario: &Scenario,
+    (config, scenario): (&Setup, &Scenario),
     budget: &Budget,
+    stop: &AtomicBool,
 ) -> anyhow::Result<CellResult> {
     let mut without = None;
     let budget_ms = edge(budget, |added_ms| {
         let mut config = config.clone();
         config.planning.added_latency_ms += added_ms;
-        let outcome = drive(&config, scenario)?;
+        let outcome = drive_unless(stop, &config, scenario, &mut [])?;
         let (_, metrics) = outcome.worst();
         without.get_or_insert(metrics.verdict);
         Ok(ends_well(metrics))

@@ -5,22 +5,22 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::Context as _;
 use swerve_core::{Digest, Hasher};
-use swerve_drive::Outcome;
+use swerve_drive::{Outcome, Stopped};
 use swerve_report::files::{CELLS, refuse_irregular};
 use swerve_report::progress::Progress;
 use swerve_scenario::Expectation;
 use swerve_text::{FILE_MAX, read_string};
 
+use super::columns::{AS_EXPECTED, EGO, NOT_AS_EXPECTED, figures, texts};
 use super::grid::{Cell, Study};
-use super::result::{AS_EXPECTED, CellResult, EGO, NOT_AS_EXPECTED};
-use super::table;
+use super::result::CellResult;
 
 impl CellResult {
     /// Result of a drive, compared with its scenario's expectations. Of several egos it has the metrics of the one that
     /// fared worst.
     pub(crate) fn of(cell: &Cell, outcome: &Outcome, expected: Option<&Expectation>) -> Self {
         let (ego, metrics) = outcome.worst();
-        let mut texts = table::texts(metrics);
+        let mut texts = texts(metrics);
         texts.extend(ego.map(|ego| (EGO.to_owned(), ego.to_owned())));
         if let Some(expected) = expected {
             let broken = outcome.broken(expected);
@@ -37,7 +37,7 @@ impl CellResult {
             response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
             response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
             misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
-            figures: table::figures(metrics),
+            figures: figures(metrics),
             texts,
             scores: metrics.scores.clone(),
             ..Self::blank(cell, metrics.verdict.name())
@@ -151,7 +151,7 @@ pub struct Runner<'a> {
     pub shard: Option<Shard>,
     /// If true, a cell whose run has no page is run again.
     pub reports: bool,
-    /// Set by Ctrl-C: no further cell is started.
+    /// Set by Ctrl-C: no further cell is started, and a cell whose drive was stopped is not stored.
     pub stop: &'a AtomicBool,
 }
 
@@ -182,7 +182,10 @@ impl Runner<'_> {
                 Some(result) => result,
                 None if self.stop.load(Ordering::SeqCst) => return Ok(None),
                 None => {
-                    let result = run(cell, fingerprint).unwrap_or_else(|error| failed(cell, &error));
+                    let result = match run(cell, fingerprint) {
+                        Err(error) if error.is::<Stopped>() => return Ok(None),
+                        result => result.unwrap_or_else(|error| failed(cell, &error)),
+                    };
                     self.store.save(cell, fingerprint, &result)?;
                     result
                 }
@@ -254,6 +257,28 @@ mod tests {
             Ok(2 * item)
         };
         assert_eq!(on_threads(3, &items, one).unwrap(), items.iter().map(|k| 2 * k).collect::<Vec<_>>());
+    }
+
+    /// The flag is set before the first drive, but the runner does not know of it: the drive itself ends.
+    #[test]
+    fn cell_of_a_stopped_drive_is_not_stored_and_driven_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("study.toml");
+        let text = "base = { scenario = \"lane\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1, 2]\n";
+        std::fs::write(&file, text).unwrap();
+        let bench = crate::Bench::open(&swerve_stack::Registry::default(), &file, &[]).unwrap();
+        let (store, stop) = (CellStore::open(folder.path()).unwrap(), AtomicBool::new(false));
+        let runner = Runner { store: &store, threads: 1, shard: None, reports: false, stop: &stop };
+        let drive = |is_stopped: bool| {
+            bench.stop.store(is_stopped, Ordering::SeqCst);
+            let run = |cell: &_, _| bench.run_cell(cell, None);
+            let found = runner.run(&bench.study, |cell| bench.fingerprint(cell), run).unwrap();
+            let stored = std::fs::read_dir(folder.path().join(CELLS)).unwrap().count();
+            (found.into_iter().flatten().map(|result| result.verdict).collect::<Vec<_>>(), stored)
+        };
+        assert_eq!(drive(true), (Vec::new(), 0));
+        assert_eq!(drive(false), (vec!["completed".to_owned(); 2], 2));
+        assert_eq!(drive(true).0.len(), 2, "finished cells are read");
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Time curves of a study: for every combination the median over its seeds, with quartiles.
 
+use std::sync::atomic::AtomicBool;
+
 use swerve_core::{Span, Time};
 use swerve_draw::color::{Look, looks_repeat, series as look_of};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, names_beside};
-use swerve_drive::{Outcome, drive_observed};
+use swerve_drive::{Outcome, drive_unless};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
@@ -42,10 +44,15 @@ impl Observer for Readings {
 }
 
 impl Curve {
-    /// Drives the scenario. Returns the outcome and the curve.
-    pub(super) fn drive(self, config: &Setup, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
+    /// Drives the scenario, until `stop` is set. Returns the outcome and the curve.
+    pub(super) fn drive(
+        self,
+        config: &Setup,
+        scenario: &Scenario,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<(Outcome, Vec<f64>)> {
         let mut readings = Readings::default();
-        let outcome = drive_observed(config, scenario, 1, &mut [&mut readings])?;
+        let outcome = drive_unless(stop, config, scenario, &mut [&mut readings])?;
         let jerk = readings.lateral_mps2.windows(2).map(|pair| (pair[1] - pair[0]) / EVERY.as_secs());
         Ok((outcome, jerk.collect()))
     }
@@ -93,7 +100,7 @@ impl Curve {
             let mut names: Vec<(Style, String)> = Vec::new();
             for (k, (series, band)) in of_panel.enumerate() {
                 scale.draw_band(&mut canvas, top, (band, look_of(k)));
-                names.push((line_of(look_of(k)), series.name.clone()));
+                names.push((look_of(k).line(LINE_W), series.name.clone()));
             }
             let used = names_beside(&mut canvas, (LEFT + PANEL_W + 12.0, top), &names);
             width = width.max(LEFT + PANEL_W + 12.0 + used + 16.0);
@@ -109,9 +116,8 @@ const PANEL_W: f64 = 760.0;
 const PANEL_H: f64 = 220.0;
 const GAP: f64 = 56.0;
 
-fn line_of(look: Look) -> Style {
-    Style::line(look.color, 1.6).dashes(look.dash)
-}
+/// Width of a line.
+const LINE_W: f64 = 1.6;
 
 /// Runs of one combination.
 struct Series<'a> {
@@ -190,7 +196,7 @@ impl Scale {
         let at = |quartile: usize, k: usize| axes.at(k as f64 * EVERY.as_secs(), band[k][quartile]);
         let around = shown.clone().map(|k| at(0, k)).chain(shown.clone().rev().map(|k| at(2, k)));
         canvas.path(around, true, Style::fill(look.color).filled_by(0.18));
-        canvas.path(shown.map(|k| at(1, k)), false, line_of(look));
+        canvas.path(shown.map(|k| at(1, k)), false, look.line(LINE_W));
     }
 }
 

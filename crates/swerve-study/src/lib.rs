@@ -16,11 +16,13 @@ mod limit;
 pub mod cells;
 mod chance;
 mod cluster;
+mod columns;
 mod csv;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
 mod merge;
+mod output;
 pub mod page;
 mod plot;
 mod programs;
@@ -42,25 +44,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
 use swerve_drive::interrupt::on_interrupt;
-use swerve_drive::page::{REPORT, RunReport};
+use swerve_drive::page::RunReport;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
-use swerve_drive::{Outcome, drive, drive_observed, problems_error};
+use swerve_drive::{Outcome, drive_unless, problems_error};
 use swerve_report::files::{CELLS, read_whole, write_whole};
-use swerve_report::output::quoted;
-use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
-use swerve_stack::pipeline::Pipeline;
+use swerve_stack::pipeline::{Pipeline, drawn};
 use swerve_text::{Problem, Problems};
 
 use consent::{Bases, StudyConsent};
 
 use cells::{CellStore, Runner, Shard};
 use cluster::{Cluster, Job};
+use columns::ROAD_USERS_LEFT_OUT;
 use folder::OutArgs;
 use grid::{Cell, Study};
 use result::CellResult;
@@ -196,6 +197,8 @@ pub struct Bench {
     registry: Registry,
     /// Digest of the program, since results of other builds are not reused.
     program: Digest,
+    /// Set by the first signal: drives end, and no cell is started.
+    stop: Arc<AtomicBool>,
 }
 
 impl Bench {
@@ -248,7 +251,8 @@ impl Bench {
         }
         if problems.is_empty() && unread.is_empty() {
             let (registry, consent) = (registry.clone(), StudyConsent::default());
-            return Ok(Self { study, scenarios, bases, consent, registry, program: Program::digest()? });
+            let (program, stop) = (Program::digest()?, Arc::default());
+            return Ok(Self { study, scenarios, bases, consent, registry, program, stop });
         }
         let problems = problems.iter().map(Problem::to_string);
         Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
@@ -310,24 +314,24 @@ impl Bench {
     /// Drives the unfinished cells, writes all results and prints their table.
     fn drive_cells(&self, how: &How<'_>) -> anyhow::Result<Driven> {
         // Until here there is nothing to finish, and a signal ends the program at once.
-        let stop = Arc::new(AtomicBool::new(false));
-        let on_signal = stop.clone();
+        let on_signal = self.stop.clone();
         let stopping = move || {
             // Cells are stored whole, so a second signal that ends the program at once loses no finished cell.
             on_signal.store(true, Ordering::SeqCst);
-            eprintln!("\nstopping after the current cells; interrupt again to stop now");
+            eprintln!("\nstopping the current drives; finished ones are kept; interrupt again to stop now");
         };
         on_interrupt(stopping).context("listening for Ctrl-C")?;
         let store = CellStore::open(how.out)?;
         let _claim = folder::claim(how.out, how.shard.is_some())?;
         let threads = how.threads.unwrap_or_else(swerve_drive::threads::cores);
-        let runner = Runner { store: &store, threads, shard: how.shard, reports: how.reports, stop: &stop };
+        let (shard, reports, stop) = (how.shard, how.reports, &*self.stop);
+        let runner = Runner { store: &store, threads, shard, reports, stop };
         let run = |cell: &Cell, fingerprint| {
             let page = how.reports.then(|| store.report(cell, fingerprint));
             self.run_cell(cell, page.as_deref())
         };
         let results = runner.run(&self.study, |cell| self.fingerprint(cell), run)?;
-        let text = report(self, &results, how.out, how.pictures)?;
+        let text = output::report(self, &results, how.out, how.pictures)?;
         if !how.is_quiet {
             swerve_report::output::print(&text)?;
         }
@@ -342,7 +346,7 @@ impl Bench {
         file: &Path,
     ) -> anyhow::Result<Outcome> {
         let mut page = RunReport::new(config, &Pipeline::build(config, scenario)?, self.study.command(cell));
-        let outcome = drive_observed(config, scenario, 1, &mut [&mut page])?;
+        let outcome = drive_unless(&self.stop, config, scenario, &mut [&mut page])?;
         let metrics = serde_json::to_string(&outcome.metrics)?;
         let html = page.finish(&outcome.digest.to_string(), &metrics)?.html();
         write_whole(file, html.as_bytes())?;
@@ -371,23 +375,33 @@ impl Bench {
         let (config, scenario) = (self.config(cell)?, self.scenario(cell)?);
         let scenario = &*scenario;
         if let Some(timely) = &self.study.timely {
-            return timely.run(cell, &config, scenario);
+            return timely.run(cell, &config, scenario, &self.stop);
         }
         let expected = scenario.expectation(&config.pipeline_name());
+        let of_drive = |outcome: &Outcome| {
+            let mut result = CellResult::of(cell, outcome, expected);
+            if scenario.traffic.is_some() {
+                let count = drawn(&config, scenario).left_out();
+                result.figures.insert(ROAD_USERS_LEFT_OUT.to_owned(), count as f64);
+            }
+            result
+        };
         match &self.study.budget {
-            Some(budget) if is_limit(cell) => limit::largest_reaction(cell, &config, scenario, budget),
-            Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
+            Some(budget) if is_limit(cell) => {
+                limit::largest_reaction(cell, (&config, scenario), budget, &self.stop)
+            }
+            Some(budget) => budget::largest_latency(cell, (&config, scenario), budget, &self.stop),
             None => match self.study.curve {
                 Some(curve) => {
-                    let (outcome, curve) = curve.drive(&config, scenario)?;
-                    Ok(CellResult { curve, ..CellResult::of(cell, &outcome, expected) })
+                    let (outcome, curve) = curve.drive(&config, scenario, &self.stop)?;
+                    Ok(CellResult { curve, ..of_drive(&outcome) })
                 }
                 None => {
                     let outcome = match page {
                         Some(file) => self.drive_for_page(cell, (&config, scenario), file)?,
-                        None => drive(&config, scenario)?,
+                        None => drive_unless(&self.stop, &config, scenario, &mut [])?,
                     };
-                    Ok(CellResult::of(cell, &outcome, expected))
+                    Ok(of_drive(&outcome))
                 }
             },
         }
@@ -416,96 +430,4 @@ fn in_cell(cell: &Cell, problems: &Problems) -> anyhow::Error {
 /// True if the cell is for the vehicle's own limit.
 fn is_limit(cell: &Cell) -> bool {
     cell.labels.iter().any(|label| label == grid::LIMIT)
-}
-
-/// Writes all results of a study; returns the text for the terminal.
-fn report(
-    bench: &Bench,
-    results: &[Option<CellResult>],
-    out: &Path,
-    pictures: PictureArgs,
-) -> anyhow::Result<String> {
-    let study = &bench.study;
-    if let Some(timely) = &study.timely {
-        let chart = timely::chart::Chart::of(study, timely, results);
-        write_whole(&out.join("timely.csv"), chart.csv().as_bytes())?;
-        let drawn = pictures.write_in(out, "timely", &chart.draw())?;
-        write_whole(&out.join(REPORT), timely_page(study, &chart).html().as_bytes())?;
-        let (done, all) = (results.iter().flatten().count(), study.cells.len());
-        let at = out.display();
-        let text =
-            format!("{}{done} of {all} cells in {at}: report.html, timely.csv, {drawn}\n", chart.text());
-        return Ok(text);
-    }
-    let grid = table::Grid::of(study, results);
-    let title = if study.description.is_empty() { &study.name } else { &study.description };
-    write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
-    let heat = pictures.write_in(out, "heatmap", &heatmap::draw(&grid, title))?;
-    let lines = study.cells.iter().zip(results).map(|(cell, result)| bench.repeat(cell, result.as_ref()));
-    let commands = lines.collect::<anyhow::Result<Vec<_>>>()?;
-    write_whole(&out.join("commands.txt"), (commands.join("\n") + "\n").as_bytes())?;
-    let reports = bench.reports(out)?;
-    let done = results.iter().flatten().count();
-    let repeats = match study.budget {
-        None => "repeats each cell",
-        Some(_) => "drives each cell at its budget",
-    };
-    let mut more = String::new();
-    let mut drawn = Vec::new();
-    if let Some(curve) = study.curve {
-        let picture = curve.draw(study, results);
-        more = pictures.write_in(out, "curve", &picture)? + ", ";
-        drawn.push(("Curves".to_owned(), picture.svg()));
-    }
-    let mut tables = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
-    if let Some(plot) = &study.plot {
-        let means = plot::Means::of(study, plot, results);
-        write_whole(&out.join("plot.csv"), means.csv().as_bytes())?;
-        let picture = means.draw();
-        more += &format!("plot.csv, {}, ", pictures.write_in(out, "plot", &picture)?);
-        drawn.push(("Plot".to_owned(), picture.svg()));
-        tables += &(means.text() + "\n");
-    }
-    let mut foreseen = String::new();
-    if let Some((timely_prediction, folder)) = &study.timely_prediction {
-        let measured = timely_prediction.measure(folder)?;
-        let picture = measured.draw(title);
-        write_whole(&out.join("timely_prediction.csv"), measured.csv().as_bytes())?;
-        write_whole(&out.join("crossover.csv"), measured.crossover_csv().as_bytes())?;
-        more += &format!(
-            "timely_prediction.csv, crossover.csv, {}, ",
-            pictures.write_in(out, "timely_prediction", &picture)?
-        );
-        drawn.push(("Predictions that are late".to_owned(), picture.svg()));
-        foreseen = measured.text() + "\n";
-    }
-    write_whole(
-        &out.join(REPORT),
-        page::page(study, results, (&commands, reports), drawn, grid.note.clone()).html().as_bytes(),
-    )?;
-    if let Some(ranking) = &study.ranking {
-        let settings = ranking::settings(study, ranking, results);
-        write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
-        tables += &(ranking::text(ranking, &settings) + "\n");
-    }
-    Ok(format!(
-        "{}\n{foreseen}{tables}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
-        grid.text(),
-        study.cells.len(),
-        out.display()
-    ))
-}
-
-/// Page of a study with curves instead of verdicts.
-fn timely_page(study: &Study, chart: &timely::chart::Chart<'_>) -> Page<Figures> {
-    let csv = chart.csv();
-    let mut rows = csv.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-    let title = if study.description.is_empty() { &study.name } else { &study.description };
-    let figures = Figures {
-        command: format!("swerve study {}", quoted(&study.file)),
-        columns: rows.next().unwrap_or_default(),
-        rows: rows.collect(),
-        pictures: vec![("Over time".to_owned(), chart.draw().svg())],
-    };
-    Page::new("figures", title, figures)
 }

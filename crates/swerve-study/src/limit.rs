@@ -6,8 +6,11 @@
 //! braking), tracked by a controller with feed-forward on the same vehicle and simulator as in all other drives. The
 //! family is finite, so the result is a lower bound of the vehicle's ability.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use swerve_control::{Controller as _, Following, Input, Law, LawController, Params};
 use swerve_core::{Span, Time};
+use swerve_drive::Stopped;
 use swerve_geom::FrenetPoint;
 use swerve_msg::truth::EndReason;
 use swerve_msg::{ActorId, EgoState, Plan, PlanPoint, PlanStatus, Route};
@@ -42,11 +45,12 @@ struct Manoeuvre {
 }
 
 /// Scans reaction times in steps, then bisects the edge between the last one that succeeds and the first that does not.
+/// Ends with [`Stopped`] once `stop` is set.
 pub(super) fn largest_reaction(
     cell: &Cell,
-    config: &Setup,
-    scenario: &Scenario,
+    (config, scenario): (&Setup, &Scenario),
     budget: &Budget,
+    stop: &AtomicBool,
 ) -> anyhow::Result<CellResult> {
     let mut result = CellResult::blank(cell, "collision");
     let scenario = drawn(config, scenario);
@@ -60,6 +64,9 @@ pub(super) fn largest_reaction(
     let edge = super::budget::edge(budget, |reaction_ms| {
         let reaction = Span::from_secs(reaction_ms * 1e-3);
         for i in 0..family.len() {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Stopped.into());
+            }
             if case.clears(reaction, family[i])? {
                 // A successful manoeuvre is tried first at the next reaction time.
                 family[..=i].rotate_right(1);

@@ -8,7 +8,8 @@ use swerve_report::files::{read_whole, write_whole};
 use swerve_stack::Registry;
 
 use crate::cells::CellStore;
-use crate::{Bench, OutArgs, report};
+use crate::output::report;
+use crate::{Bench, OutArgs};
 
 /// Merges the finished cells of these folders.
 ///

@@ -140,7 +140,7 @@ impl<'a> Means<'a> {
         let mut names = Vec::new();
         for (k, line) in self.lines.iter().enumerate() {
             draw_line(&axes, &mut canvas, line, look_of(k));
-            names.push((line_of(look_of(k)), line.name.clone()));
+            names.push((look_of(k).line(LINE_W), line.name.clone()));
         }
         if self.plot.lines.is_empty() {
             names.clear();
@@ -187,12 +187,11 @@ const HEIGHT: f64 = 300.0;
 const CAP: f64 = 4.0;
 const MARK: f64 = 2.5;
 
-fn line_of(look: Look) -> Style {
-    Style::line(look.color, 1.8).dashes(look.dash)
-}
+/// Width of a line.
+const LINE_W: f64 = 1.8;
 
 fn draw_line(axes: &Axes, canvas: &mut Canvas, line: &Line, look: Look) {
-    canvas.path(line.points.iter().map(|point| axes.at(point.x, point.mean())), false, line_of(look));
+    canvas.path(line.points.iter().map(|point| axes.at(point.x, point.mean())), false, look.line(LINE_W));
     let bar = Style::line(look.color, 1.0);
     for point in &line.points {
         let [low, high] = point.interval().map(|end| axes.at(point.x, end));

@@ -6,14 +6,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Digest;
 use swerve_eval::score::DrivingScores;
 
+use crate::columns::{AS_EXPECTED, NOT_AS_EXPECTED, ROAD_USERS_LEFT_OUT};
 use crate::grid::Cell;
-
-/// Keys in `metrics.json` and `cells.csv` for whether a drive met its scenario's expectations, and for the unmet ones.
-pub(crate) const AS_EXPECTED: &str = "as_expected";
-pub(crate) const NOT_AS_EXPECTED: &str = "not_as_expected";
-
-/// Key in `cells.csv` for the name of the ego whose metrics these are, in runs with several.
-pub(crate) const EGO: &str = "ego";
 
 /// Result of one cell.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -77,6 +71,11 @@ impl CellResult {
     /// Unmet expectations.
     pub(crate) fn not_as_expected(&self) -> &str {
         self.texts.get(NOT_AS_EXPECTED).map_or("", String::as_str)
+    }
+
+    /// Number of road users of the traffic for which there was no place; `None` without traffic.
+    pub(crate) fn road_users_left_out(&self) -> Option<usize> {
+        self.figures.get(ROAD_USERS_LEFT_OUT).map(|count| *count as usize)
     }
 
     /// Result without metrics.

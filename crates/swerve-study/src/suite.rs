@@ -74,7 +74,7 @@ pub struct SuiteArgs {
 /// Rules of benchmarks.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum Rules {
-    /// CARLA Leaderboard: routes in traffic; a drive goes on after a collision and ends when it is blocked for 180 s
+    /// CARLA Leaderboard: routes in traffic; a drive goes on after a collision and ends after 182 s at rest, blocked after 180 s
     Leaderboard,
     /// NHTSA's pre-crash types: each drive is compared with its scenario's expectations
     Nhtsa,
@@ -321,12 +321,30 @@ fn text(study: &Study, results: &[Option<CellResult>]) -> String {
     if all.free > 0 {
         let _written = write!(text, "; of {} more nothing is expected", all.free);
     }
-    text + "\n"
+    text + "\n" + &left_out_text(study, results)
+}
+
+/// Numbers of road users of the traffic for which there was no place, by scenario; empty if all had one.
+fn left_out_text(study: &Study, results: &[Option<CellResult>]) -> String {
+    let of_scenario = |(step, results): (&Step, &[Option<CellResult>])| {
+        let counts = results.iter().flatten().filter_map(CellResult::road_users_left_out);
+        let [least, most] = counts.fold([usize::MAX, 0], |[a, b], count| [a.min(count), b.max(count)]);
+        let range = if least < most { format!("{least} to {most}") } else { most.to_string() };
+        (most > 0).then(|| format!("{} {range}", step.label))
+    };
+    let named = study.steps[0].iter().zip(results.chunks(study.steps[1].len()));
+    let all: Vec<String> = named.filter_map(of_scenario).collect();
+    match all.is_empty() {
+        true => String::new(),
+        false => format!("road users of the traffic without a place, per drive: {}\n", all.join(", ")),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::columns::ROAD_USERS_LEFT_OUT;
+    use crate::grid::Cell;
 
     fn seeds(text: &str) -> Result<Vec<i64>, String> {
         text.parse().map(|seeds: Seeds| seeds.each.into_iter().collect())
@@ -351,6 +369,23 @@ mod tests {
         assert_eq!(counted("3..3"), Ok(vec![3]));
         assert_eq!(counted("1,5"), Ok(vec![1, 5]));
         assert!(counted("0").unwrap_err().contains("expected 1 to"));
+    }
+
+    #[test]
+    fn road_users_without_a_place_are_counted_by_scenario() {
+        let step = |label: &str| Step { label: label.to_owned(), ..Step::default() };
+        let steps = vec![["lane", "town", "crossing"].map(step).into(), ["1", "2"].map(step).into()];
+        let study = Study { steps, ..crate::table::tests::study() };
+        let result = |count: Option<f64>| {
+            let cell = Cell { labels: vec!["a".into(), "1".into()], ..study.cells[0].clone() };
+            let figures = count.map(|count| (ROAD_USERS_LEFT_OUT.to_owned(), count));
+            Some(CellResult { figures: figures.into_iter().collect(), ..CellResult::blank(&cell, "avoided") })
+        };
+        let drives = |counts: [Option<f64>; 6]| left_out_text(&study, &counts.map(result));
+        let found = drives([None, None, Some(0.0), Some(3.0), Some(175.0), Some(175.0)]);
+        let wanted = "road users of the traffic without a place, per drive: town 0 to 3, crossing 175\n";
+        assert_eq!(found, wanted);
+        assert_eq!(drives([None, None, Some(0.0), Some(0.0), None, None]), "");
     }
 
     #[test]

@@ -2,50 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde_json::Value;
-use swerve_eval::Metrics;
 use swerve_report::output::align;
 
 use super::chance::interval;
+use super::columns::{ALWAYS, DRIVE};
 use super::csv::field;
 use super::grid::{LIMIT, SCENARIO, Study};
 use super::layer::{self, Plans};
 use super::result::CellResult;
 
-/// First columns after a cell's labels, for drives and for latency budgets.
-const DRIVE: [&str; 10] = [
-    "verdict",
-    "no_collision",
-    "on_road",
-    "min_distance_m",
-    "impact_speed_mps",
-    "lateral_jerk_max",
-    "digest",
-    "response_p50_ms",
-    "response_p99_ms",
-    "misses",
-];
+/// First columns after a cell's labels for latency budgets; for drives, [`DRIVE`].
 const BUDGET: [&str; 3] = ["budget_ms", "budget_is_at_least", "verdict"];
-
-/// Metrics that always have a column, so that tables of several studies have the same ones.
-const ALWAYS: [&str; 13] = [
-    "end",
-    "impact.actor",
-    "impact.at_s",
-    "impact.closing_speed_mps",
-    "impact.ego_speed_mps",
-    "impact.impulse_n_s",
-    "impact_name",
-    "left_road_at_s",
-    "min_distance_actor",
-    "min_distance_name",
-    "stands_before",
-    STANDS_BEFORE,
-    "waits_at_light",
-];
-
-/// Column with the name of the actor that `stands_before` identifies by number.
-const STANDS_BEFORE: &str = "stands_before_name";
 
 /// Columns of a study's cells.
 pub(crate) struct Columns {
@@ -105,57 +72,6 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
         .map(|result| result.labels.iter().cloned().chain(columns.row(study, result)).collect::<Vec<_>>());
     let line = |cells: Vec<String>| cells.iter().map(|cell| field(cell)).collect::<Vec<_>>().join(",") + "\n";
     core::iter::once(head).chain(rows).map(line).collect()
-}
-
-/// Text and boolean metrics of a run by their names in `metrics.json`, without the verdict, which has its own column;
-/// and the name of the actor that the ego stopped for.
-pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
-    let Ok(Value::Object(all)) = serde_json::to_value(metrics) else { return BTreeMap::new() };
-    let text = |(name, value)| match value {
-        Value::String(text) => Some((name, text)),
-        Value::Bool(holds) => Some((name, holds.to_string())),
-        _ => None,
-    };
-    let stands = metrics.actors.iter().find(|actor| Some(actor.actor) == metrics.stands_before);
-    let stands = stands.map(|actor| (STANDS_BEFORE.to_owned(), actor.name.clone()));
-    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").chain(stands).collect()
-}
-
-/// Numeric metrics of a run by their names in `metrics.json`, without those that have fixed columns and those in lists
-/// of actors and instants; metrics of operators by operator name.
-pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
-    fn gather(prefix: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
-        match value {
-            Value::Number(x) => drop(into.insert(prefix.to_owned(), x.as_f64().unwrap_or(f64::NAN))),
-            Value::Object(inner) => {
-                for (key, value) in inner {
-                    let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-                    gather(&name, value, into);
-                }
-            }
-            _ => {}
-        }
-    }
-    let mut all = BTreeMap::new();
-    gather("", &serde_json::to_value(metrics).unwrap_or_default(), &mut all);
-    let told = [
-        "min_distance_m",
-        "impact_speed_mps",
-        "lateral_jerk.raw_max_mps3",
-        "response.p50_ms",
-        "response.p99_ms",
-    ];
-    for operator in &metrics.operators {
-        let counts = [("steps", operator.steps), ("misses", operator.misses), ("drops", operator.drops)];
-        let took = [("p50_ms", operator.p50_ms), ("p99_ms", operator.p99_ms), ("max_ms", operator.max_ms)];
-        // An operator without steps has no run time.
-        let took = took.into_iter().filter(|_| operator.steps > 0);
-        for (what, x) in counts.map(|(what, n)| (what, n as f64)).into_iter().chain(took) {
-            all.insert(format!("operator.{}.{what}", operator.operator), x);
-        }
-    }
-    all.retain(|name, x| x.is_finite() && !told.contains(&name.as_str()));
-    all
 }
 
 /// Number with four decimals; integers without any.

@@ -9,6 +9,7 @@ use swerve_measure::evaluate::prediction::Format;
 use swerve_prediction::PredictorName;
 use swerve_text::{Document, Problems, list, number};
 
+use crate::columns::check_numeric;
 use crate::grid::Step;
 
 /// A quantity over time.
@@ -38,6 +39,9 @@ impl Ranking {
         }
         for name in self.settings.iter().filter(|name| !axes.contains(name)) {
             problems.push(document.problem("ranking.settings", no_axis(name, axes)));
+        }
+        if let Some(name) = first_twice(&self.settings) {
+            problems.push(document.problem("ranking.settings", format!("`{name}` occurs twice")));
         }
         if let Some(name) = self.best_of.as_ref().filter(|name| !self.settings.contains(name)) {
             let settings: Vec<&str> = self.settings.iter().map(String::as_str).collect();
@@ -77,12 +81,21 @@ impl Plot {
                 if let Some(step) = steps[axis].iter().find(is_text) {
                     let message = format!("expected an axis with numbers, found `{}`", step.label);
                     problems.push(document.problem("plot.x", message));
+                } else if let Some([one, other]) = equal_numbers(&steps[axis]) {
+                    let message = format!("`{one}` and `{other}` are the same number");
+                    problems.push(document.problem("plot.x", message));
                 }
             }
+        }
+        if let Err(message) = check_numeric(&self.y) {
+            problems.push(document.problem("plot.y", message));
         }
         for name in self.lines.iter().filter(|name| !axes.contains(name) || **name == self.x) {
             let others: Vec<String> = axes.iter().filter(|axis| **axis != self.x).cloned().collect();
             problems.push(document.problem("plot.lines", no_axis(name, &others)));
+        }
+        if let Some(name) = first_twice(&self.lines) {
+            problems.push(document.problem("plot.lines", format!("`{name}` occurs twice")));
         }
     }
 }
@@ -165,6 +178,9 @@ impl Timely {
             |key: &str, message: String| problems.push(document.problem(&format!("timely.{key}"), message));
         if self.measures.is_empty() {
             wrong("measures", "expected at least one measure".into());
+        }
+        if first_twice(&self.measures).is_some() {
+            wrong("measures", "expected each once".into());
         }
         if self.run_times_ms.is_empty() == self.of_published.is_empty() {
             wrong("run_times_ms", "expected numbers here or in `of_published`, not in both".into());
@@ -341,6 +357,19 @@ impl TrackSet {
     fn every() -> usize {
         1
     }
+}
+
+/// The first item that occurs a second time.
+fn first_twice<T: PartialEq>(items: &[T]) -> Option<&T> {
+    items.iter().enumerate().find(|(k, item)| items[..*k].contains(item)).map(|(_, item)| item)
+}
+
+/// Labels of the first two steps of an axis that are the same number in two notations.
+fn equal_numbers(steps: &[Step]) -> Option<[&str; 2]> {
+    let number = |step: &Step| step.label.parse().unwrap_or(f64::NAN);
+    let mut numbers: Vec<(f64, &str)> = steps.iter().map(|step| (number(step), &*step.label)).collect();
+    numbers.sort_by(|a, b| a.0.total_cmp(&b.0));
+    numbers.windows(2).find(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1])
 }
 
 /// Error message for an unknown axis.

@@ -13,9 +13,11 @@ mod score;
 mod tests;
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::Stopped;
 use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
@@ -63,8 +65,15 @@ impl Timely {
     /// Simulates and measures one ride.
     ///
     /// # Errors
-    /// If the configuration lacks a measured component, or the camera's images cannot be rendered.
-    pub(super) fn run(&self, cell: &Cell, config: &Setup, scenario: &Scenario) -> anyhow::Result<CellResult> {
+    /// If the configuration lacks a measured component, or the camera's images cannot be rendered; [`Stopped`] once `stop`
+    /// is set.
+    pub(super) fn run(
+        &self,
+        cell: &Cell,
+        config: &Setup,
+        scenario: &Scenario,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<CellResult> {
         let times = self.times(config)?;
         let mut ride = Ride::new(self, config, scenario)?;
         let mut eyes = Eyes::new(self, config, &ride)?;
@@ -88,6 +97,9 @@ impl Timely {
         pairs.iter().filter_map(|pair| pair.seen).for_each(|seen| is_seen[seen] = true);
         let mut sights = BTreeMap::<usize, Sight>::new();
         for (frame, judged) in by_frame.iter().enumerate() {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Stopped.into());
+            }
             let world = ride.next();
             if last_use.contains_key(&frame) {
                 sights.insert(frame, eyes.look(&world, due.binary_search(&frame).is_ok(), is_seen[frame])?);

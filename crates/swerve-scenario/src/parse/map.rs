@@ -2,6 +2,7 @@
 
 mod slopes;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -60,7 +61,7 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Lo
     let file = loaded.and_then(|text| Ok((MapFile::read(&name, &text)?, text)));
     match file {
         Ok((file, text)) => {
-            check_names(&tables, &lights, &file.map);
+            check_lights(&tables, &lights, &file.map);
             let mut loaded = Loaded { name, text, file, friction, lights, closures: Vec::new() };
             loaded.closures = closed.iter().filter_map(|table| loaded.closure(table)).collect();
             Some(loaded)
@@ -93,18 +94,44 @@ fn light(table: &TableReader<'_>) -> (Vec<String>, SignalProgram) {
     (names, program)
 }
 
-fn check_names(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgram)], map: &Map) {
-    for (table, (names, _)) in tables.iter().zip(lights) {
+/// Reports names that the map does not have, signals for no lane, and signals that already have phases by an earlier
+/// table.
+fn check_lights(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgram)], map: &Map) {
+    let named = |name: &str| -> Vec<&Signal> {
+        map.signals().iter().filter(|signal| is_named(signal, name)).collect()
+    };
+    let acts = |signal: &Signal| {
+        let has_line = || map.stop_lines().iter().any(|line| line.signals.contains(&signal.id));
+        !signal.lanes.is_empty() || has_line()
+    };
+    let mut given = BTreeMap::new();
+    for (k, (table, (names, _))) in tables.iter().zip(lights).enumerate() {
         let (key, of) = match table.has("controller") {
             true => ("controller", "controller of signals"),
             false => ("signals", "signal"),
         };
-        for name in names.iter().filter(|name| !map.signals().iter().any(|signal| is_named(signal, name))) {
-            let controllers = map.signals().iter().filter_map(|signal| signal.controller.as_deref());
-            let signals = map.signals().iter().map(|signal| signal.name.as_str());
-            let near = if key == "signals" { nearest(name, signals) } else { nearest(name, controllers) };
-            let hint = near.map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
-            table.report(key, format!("the map has no {of} \"{name}\"{hint}"));
+        for name in names {
+            if named(name).is_empty() {
+                let controllers = map.signals().iter().filter_map(|signal| signal.controller.as_deref());
+                let signals = map.signals().iter().map(|signal| signal.name.as_str());
+                let near = if key == "signals" { nearest(name, signals) } else { nearest(name, controllers) };
+                let hint = near.map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
+                table.report(key, format!("the map has no {of} \"{name}\"{hint}"));
+            } else if !named(name).into_iter().any(acts) {
+                let message = format!(
+                    "the {of} \"{name}\" is for no lane: the map has none of the lanes that it names"
+                );
+                table.report(key, message);
+            }
+        }
+        let signals: Vec<&Signal> = names.iter().flat_map(|name| named(name)).collect();
+        let earlier = signals.iter().find_map(|signal| Some((*signal, given.get(&signal.id)?)));
+        if let Some((signal, before)) = earlier {
+            let name = &signal.name;
+            table.report(key, format!("the signal \"{name}\" has its phases by map.light[{before}] already"));
+        }
+        for signal in signals {
+            given.entry(signal.id).or_insert(k);
         }
     }
 }

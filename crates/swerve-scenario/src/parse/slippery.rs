@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use swerve_geom::{FrenetPoint, Point2};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader};
 
 use super::map::{Loaded, Way};
-use super::{FRICTION, PLACE};
-use crate::slippery::stretch;
+use super::{FRICTION, PLACE, addressable};
 use crate::{Road, Slippery};
 
 /// Largest number of patches: each wheel is compared with all of them in each step of the world.
@@ -31,6 +31,7 @@ pub(super) fn read(top: &TableReader<'_>, road: &Road, map: Option<&Loaded>) -> 
     let mut seen = BTreeSet::new();
     let read = |table: &TableReader<'_>| {
         let name = table.text("name");
+        addressable(table, &name);
         if !name.is_empty() && !seen.insert(name.clone()) {
             table.report("name", format!("another patch is named \"{name}\" already"));
         }
@@ -80,8 +81,42 @@ impl Ground<'_> {
             return None;
         }
         let lane_m = || route.lane().left_m(s_m) + route.lane().right_m(s_m);
-        let line = stretch(route.line(), [s_m, end_m])?;
-        Some(Slippery { name, friction, line, d_m, width_m: width_m.unwrap_or_else(lane_m) })
+        let line = route.line().part([s_m, end_m])?;
+        let patch = Slippery { name, friction, line, d_m, width_m: width_m.unwrap_or_else(lane_m) };
+        if !self.is_below_wheels(&patch, route) {
+            let [from_m, to_m] = [-0.5, 0.5].map(|side| patch.d_m + side * patch.width_m);
+            let ground = if self.on_map { "a lane of the map" } else { "the road" };
+            let message = format!(
+                "from {from_m} m to {to_m} m across, all beside the road: expected a place on {ground}"
+            );
+            table.report("d_m", message);
+            return None;
+        }
+        Some(patch)
+    }
+
+    /// Returns true if part of a patch is on ground that cars drive on: on a map any driving lane or shoulder, else the
+    /// road. Places every metre are tried, those near the line first.
+    fn is_below_wheels(&self, patch: &Slippery, route: &Route) -> bool {
+        let on_ground = |point: Point2| match self.map {
+            Some(loaded) => {
+                let map = &loaded.file.map;
+                map.at(point).filter_map(|at| map.lane(at.lane)).any(|lane| lane.kind.is_drivable())
+            }
+            None => {
+                let at = route.project(point);
+                (-route.right_m(at.s_m)..=route.left_m(at.s_m)).contains(&at.d_m)
+            }
+        };
+        let even = |from_m: f64, length_m: f64| {
+            let count = length_m.ceil().max(1.0);
+            (0..=count as usize).map(move |k| from_m + length_m * k as f64 / count)
+        };
+        let mut across: Vec<f64> = even(patch.d_m - 0.5 * patch.width_m, patch.width_m).collect();
+        across.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let mut places =
+            across.into_iter().flat_map(|d_m| even(0.0, patch.line.length()).map(move |s_m| (s_m, d_m)));
+        places.any(|(s_m, d_m)| on_ground(patch.line.to_map(FrenetPoint { s_m, d_m })))
     }
 
     /// Reads start, via and goal of a patch. After a problem of the map or of the ego they are not read.

@@ -206,6 +206,9 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
         ("name = \"bike\"", "name = \"bus\"", vec![
             "15 actor.bus.name: another actor is named \"bus\" already",
         ]),
+        ("name = \"bike\"", "name = \"bike.2\"", vec![
+            "15 actor.bike.2.name: expected a name without `.` and `=`, which separate keys in --set; found `.`",
+        ]),
         ("name = \"bike\"", "name = 7", vec!["15 actor[1].name: expected a text that is not blank, without control characters, found 7"]),
     ];
     check(&table);

@@ -94,13 +94,11 @@ impl Simulator {
 
 /// True if the bounding circles of the two come within `reach_m` of each other.
 pub(super) fn near(outline: &Obb, actor: &Actor, reach_m: f64) -> bool {
-    let squared_m2 = (outline.center.point() - actor.pose.point()).norm_squared();
-    // Two sides of a rectangle are longer than its diagonal. This rules out most actors without a square root.
-    let sides_m =
-        outline.half_length_m + outline.half_width_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
-    if squared_m2 > 1.01 * (sides_m + reach_m) * (sides_m + reach_m) {
+    let footprint = actor.footprint();
+    if outline.is_beyond(&footprint, reach_m) {
         return false;
     }
-    let radius = outline.radius() + actor.footprint().radius() + reach_m;
+    let squared_m2 = (outline.center.point() - actor.pose.point()).norm_squared();
+    let radius = outline.radius() + footprint.radius() + reach_m;
     squared_m2 <= radius * radius
 }

@@ -201,6 +201,9 @@ impl Axis {
         if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
             return Err(format!("`{}` occurs twice", twice.label));
         }
+        if let Some([one, other]) = self.values.equal_numbers() {
+            return Err(format!("`{one}` and `{other}` are the same number"));
+        }
         let name = self
             .name
             .clone()

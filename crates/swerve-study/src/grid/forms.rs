@@ -1,6 +1,7 @@
 //! Values of a study file with several notations.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -54,6 +55,20 @@ impl JsonSchema for Files {
 /// Values of an axis: an array, integers `"1..20"` including both ends, or `{ from, to, step }` including both ends.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Values(pub Vec<Value>);
+
+impl Values {
+    /// An integer and a float that are the same number, if there are any: two drives of one setting.
+    pub(super) fn equal_numbers(&self) -> Option<[&Value; 2]> {
+        let as_whole = |value: &Value| match value {
+            Value::Float(x) if x.fract() == 0.0 && x.abs() < 9e15 => Some(*x as i64),
+            _ => None,
+        };
+        let whole: BTreeMap<i64, &Value> =
+            self.0.iter().filter_map(|value| Some((as_whole(value)?, value))).collect();
+        let equal = |value| Some([value, *whole.get(&Value::as_integer(value)?)?]);
+        self.0.iter().find_map(equal)
+    }
+}
 
 impl JsonSchema for Values {
     fn schema_name() -> Cow<'static, str> {

@@ -150,3 +150,37 @@ fn wrong_study_files_are_reported_with_their_place() {
          s.toml:4: axis[0].values: expected an array, a range such as \"1..20\", or { from = 0, to = 400, step = 40 }, found 3"
     );
 }
+
+/// Line 3 is `x`, line 4 `y`, line 5 `lines`; the axis with numbers begins in line 6.
+#[test]
+fn wrong_plots_and_repeated_values_are_reported_before_the_first_drive() {
+    let sound = "base = { scenario = \"lane\" }\n[plot]\nx = \"speed_mps\"\ny = \"min_distance_m\"\n\
+                 lines = [\"planner\"]\n[[axis]]\nkey = \"ego.speed_mps\"\nvalues = [8, 9.5]\n\
+                 [[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\", \"rrt_star\"]\n";
+    assert!(study(sound).is_ok());
+    for (old, new, wanted) in [
+        (
+            "min_distance_m",
+            "min_distanc_m",
+            "s.toml:4: plot.y: `cells.csv` has no column `min_distanc_m`; did you mean `min_distance_m`?",
+        ),
+        (
+            "min_distance_m",
+            "verdict",
+            "s.toml:4: plot.y: expected a column with numbers or booleans; `verdict` has words",
+        ),
+        ("[\"planner\"]", "[\"planner\", \"planner\"]", "s.toml:5: plot.lines: `planner` occurs twice"),
+        ("[8, 9.5]", "[8, 9.5, 8.0]", "s.toml:6: axis[0]: `8` and `8.0` are the same number"),
+        ("[8, 9.5]", "[\"8\", \"8.0\"]", "s.toml:3: plot.x: `8` and `8.0` are the same number"),
+        ("[8, 9.5]", "[8, 9.5, 8]", "s.toml:6: axis[0]: `8` occurs twice"),
+    ] {
+        let text = sound.replacen(old, new, 1);
+        assert_ne!(text, sound);
+        let found: Vec<String> =
+            study(&text).unwrap_err().iter().map(|problem| problem.to_string()).collect();
+        assert!(found.iter().any(|problem| problem == wanted), "{found:#?}, expected {wanted}");
+    }
+    let ranked = sound.replace("[plot]", "[ranking]\nsettings = [\"planner\", \"planner\"]\n[plot]");
+    let found = study(&ranked).unwrap_err().to_string();
+    assert_eq!(found, "s.toml:3: ranking.settings: `planner` occurs twice");
+}

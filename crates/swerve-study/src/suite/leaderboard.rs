@@ -18,7 +18,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_text::Problem;
 
-use super::{ROUTES, SuiteArgs, drive, named_scenarios};
+use super::{ROUTES, SuiteArgs, drive, left_out_text, named_scenarios};
 use crate::finish;
 use crate::grid::{Step, Study};
 use crate::result::CellResult;
@@ -48,6 +48,9 @@ struct Route {
     score: f64,
     infractions: Map<String, Value>,
     comfort_share: Option<f64>,
+    /// Number of road users of the traffic for which there was no place; absent without traffic.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    road_users_left_out: Option<usize>,
 }
 
 /// Runs `swerve suite --rules leaderboard`.
@@ -63,7 +66,10 @@ pub(super) fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let (study, driven) = drive(args, registry, steps, &seeds)?;
     finish(&study, &driven, None)?;
     let scores = Scores::of(&study, &driven.0, version)?;
-    print(&if args.json { serde_json::to_string_pretty(&scores)? + "\n" } else { scores.text(version) })
+    print(&match args.json {
+        true => serde_json::to_string_pretty(&scores)? + "\n",
+        false => scores.text(version) + &left_out_text(&study, &driven.0),
+    })
 }
 
 /// Step of a route, with the ends of drives by the rules of a version.
@@ -106,13 +112,19 @@ fn timeout_s(scenario: &Scenario, version: Version) -> Option<f64> {
 impl Scores {
     fn of(study: &Study, results: &[Option<CellResult>], version: Version) -> anyhow::Result<Self> {
         let found = study.cells.iter().zip(results);
-        let scored: Vec<(&[String], &DrivingScores)> = found
-            .filter_map(|(cell, result)| Some((cell.labels.as_slice(), result.as_ref()?.scores.as_ref()?)))
+        let scored: Vec<(&[String], &CellResult, &DrivingScores)> = found
+            .filter_map(|(cell, result)| {
+                let result = result.as_ref()?;
+                Some((cell.labels.as_slice(), result, result.scores.as_ref()?))
+            })
             .collect();
         anyhow::ensure!(scored.len() == results.len(), "a drive without driving scores");
-        let records: Vec<RouteRecord> = scored.iter().map(|(_, scores)| scores.record(version)).collect();
+        let records: Vec<RouteRecord> = scored.iter().map(|(_, _, scores)| scores.record(version)).collect();
         let total = total(&records, version);
-        let of = |((labels, scores), record): (&(&[String], &DrivingScores), &RouteRecord)| {
+        let of = |((labels, result, scores), record): (
+            &(&[String], &CellResult, &DrivingScores),
+            &RouteRecord,
+        )| {
             let score = record.score(version);
             Ok(Route {
                 route: labels[0].clone(),
@@ -122,6 +134,7 @@ impl Scores {
                 score: score.driving_score,
                 infractions: infractions(record),
                 comfort_share: scores.comfort_share,
+                road_users_left_out: result.road_users_left_out(),
             })
         };
         Ok(Self {

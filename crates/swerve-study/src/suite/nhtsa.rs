@@ -46,6 +46,9 @@ struct Drive {
     not_as_expected: String,
     min_distance_m: Option<f64>,
     impact_speed_mps: Option<f64>,
+    /// Number of road users of the traffic for which there was no place; absent without traffic.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    road_users_left_out: Option<usize>,
 }
 
 /// Runs `swerve suite --rules nhtsa`.
@@ -89,6 +92,7 @@ impl Drive {
             not_as_expected: result.not_as_expected().to_owned(),
             min_distance_m: result.min_distance_m,
             impact_speed_mps: result.impact_speed_mps,
+            road_users_left_out: result.road_users_left_out(),
         })
     }
 }

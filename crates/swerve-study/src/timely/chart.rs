@@ -157,7 +157,7 @@ impl<'a> Chart<'a> {
             }
             let of_row = panels.first().into_iter().flat_map(|panel| self.lines_of(panel)).enumerate();
             let names: Vec<(Style, String)> =
-                of_row.map(|(k, line)| (line_of(series(k)), line.name.clone())).collect();
+                of_row.map(|(k, line)| (series(k).line(LINE_W), line.name.clone())).collect();
             names_w = names_w.max(names_beside(&mut canvas, (LEFT + WIDTH + 12.0, top), &names));
         }
         let height = TOP + rows.len() as f64 * (PANEL_H + GAP_Y) - 10.0;
@@ -200,9 +200,8 @@ const GAP_Y: f64 = 64.0;
 const ACROSS: f64 = 10.0;
 const UPWARDS: f64 = 5.0;
 
-fn line_of(look: Look) -> Style {
-    Style::line(look.color, 1.6).dashes(look.dash)
-}
+/// Width of a line.
+const LINE_W: f64 = 1.6;
 
 /// Axes of a panel; the y axis covers at least 0 to 1.
 fn axes_of(lines: &[&Line], corner: At, width: f64) -> Axes {
@@ -219,5 +218,5 @@ fn draw_line(axes: &Axes, canvas: &mut Canvas, line: &Line, look: Look) {
     let low = known.iter().map(|(x, q)| axes.at(*x, q[0]));
     let high = known.iter().rev().map(|(x, q)| axes.at(*x, q[2]));
     canvas.path(low.chain(high), true, Style::fill(look.color).filled_by(0.12));
-    canvas.path(known.iter().map(|(x, q)| axes.at(*x, q[1])), false, line_of(look));
+    canvas.path(known.iter().map(|(x, q)| axes.at(*x, q[1])), false, look.line(LINE_W));
 }

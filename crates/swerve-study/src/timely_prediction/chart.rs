@@ -108,7 +108,7 @@ fn look(k: usize) -> Look {
 
 fn line(k: usize) -> Style {
     let width = if k < SERIES.len() { 1.8 } else { 0.9 };
-    Style::line(look(k).color, width).dashes(look(k).dash)
+    look(k).line(width)
 }
 
 fn dot(canvas: &mut Canvas, at: At, mark: Mark, paint: Color) {

@@ -149,7 +149,7 @@ fn comparison_finds_where_two_runs_diverge() {
 fn browser_draws_and_plays_a_run() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
-    let name = "</script><script>document.title=1</script>";
+    let name = "</script><script>document['querySelector']('title')['remove']()</script>";
     bench.write(
         "nasty.toml",
         &bench.read("short.toml").replace("name = \"person\"", &format!("name = \"{name}\"")),

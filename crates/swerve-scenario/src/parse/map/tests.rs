@@ -266,6 +266,51 @@ fn map_packed_by_gzip_is_the_same_map() {
     assert!(broken.to_string().contains("packed by gzip, but broken"), "{broken}");
 }
 
+/// The second table is lines 8 to 11.
+#[test]
+fn signal_has_the_phases_of_one_table() {
+    let first = "[[map.light]]\ncontroller = \"north_south\"\ngreen_s = 1.0\nred_s = 1.0";
+    let two = |second: &str| {
+        let lights = format!("{first}\n[[map.light]]\n{second}\ngreen_s = 2.0\nred_s = 2.0");
+        parsed("crossing.xodr", &format!("{START}\n{GOAL}"), &lights).map(drop)
+    };
+    assert_eq!(two("controller = \"east_west\""), Ok(()));
+    for (second, wanted) in [
+        (
+            "controller = \"north_south\"",
+            ":9: map.light[1].controller: the signal \"light_north\" has its phases by map.light[0] already",
+        ),
+        (
+            "signals = [\"light_east\", \"light_south\"]",
+            ":9: map.light[1].signals: the signal \"light_south\" has its phases by map.light[0] already",
+        ),
+    ] {
+        let message = two(second).unwrap_err();
+        assert!(message.ends_with(wanted) && message.lines().count() == 1, "{message}");
+    }
+}
+
+/// The eastern light of the crossing names a lane that its road does not have.
+#[test]
+fn light_for_no_lane_is_refused_if_it_gets_phases() {
+    let text = include_str!("../../../../../scenarios/maps/crossing.xodr");
+    let light = text.find("<signal name=\"light_east\"").unwrap();
+    let lane = "<validity fromLane=\"-1\" toLane=\"-1\" />";
+    let other = text[light..].replacen(lane, "<validity fromLane=\"-7\" toLane=\"-7\" />", 1);
+    let map = std::sync::Arc::from(format!("{}{other}", &text[..light]));
+    let read = |lights: &str| {
+        let text =
+            format!("name = \"test\"\n[map]\nfile = \"crossing.xodr\"\n{lights}\n[ego]\n{START}\n{GOAL}\n");
+        Scenario::parse_on("test.toml", &text, Some(&map), &[]).map_err(|problems| problems.to_string())
+    };
+    assert!(read("").is_ok());
+    let named = |names: &str| read(&format!("[[map.light]]\n{names}\ngreen_s = 5.0\nred_s = 5.0"));
+    let wanted = "test.toml:5: map.light[0].signals: the signal \"light_east\" is for no lane: the map has none of the \
+                  lanes that it names";
+    assert_eq!(named("signals = [\"light_east\"]").unwrap_err(), wanted);
+    assert!(named("controller = \"east_west\"").is_ok(), "the western light has a lane");
+}
+
 #[test]
 fn traffic_has_identities_after_the_actors_and_before_other_egos() {
     let rest = "[traffic]\nvehicles = 20\npedestrians = 5\n\

@@ -35,6 +35,9 @@ fn wrong_patches_are_reported_once_with_line_and_key() {
         (ROAD, "length_m = 15.0", "length_m = 15.0\nwidth_m = 0", "10 slippery.a.width_m: expected a number from 0.1 to 200, found 0"),
         (ROAD, "length_m = 15.0", "length_m = 15.0\nwith_m = 2", "10 slippery.a.with_m: unknown key; did you mean `width_m`?"),
         (ROAD, "name = \"a\"\n", "", "5 slippery[0].name: is missing: expected a text"),
+        (ROAD, "name = \"a\"", "name = \"a.b\"", "6 slippery.a.b.name: expected a name without `.` and `=`, which separate keys in --set; found `.`"),
+        (ROAD, "length_m = 15.0", "length_m = 15.0\nd_m = 3.5\nwidth_m = 2.0", "10 slippery.a.d_m: from 2.5 m to 4.5 m across, all beside the road: expected a place on the road"),
+        (MAP, "s_m = 10.0", "s_m = 10.0\nd_m = -30.0", "9 slippery.a.d_m: from -31.75 m to -28.25 m across, all beside the road: expected a place on a lane of the map"),
         (MAP, "s_m = 10.0", "start = { road = \"9\", lane = -1, s_m = 20.0 }", "8 slippery.a.start: expected the identity of a road, found \"9\""),
         (MAP, "s_m = 10.0", "start = 3", "8 slippery.a.start: expected a table, found 3"),
         (MAP, "s_m = 10.0\nlength_m = 15.0", &format!("{start}\nlength_m = 900.0"), "9 slippery.a.length_m: ends"),
@@ -50,6 +53,18 @@ fn wrong_patches_are_reported_once_with_line_and_key() {
     let twice = format!("{sound}\n[[slippery]]\n{sound}");
     let wanted = "11 slippery.a.name: another patch is named \"a\" already";
     assert_eq!(parsed(ROAD, &twice).unwrap_err(), [wanted]);
+}
+
+/// The road reaches 2 m to each side of its line; on the map, the lane of the oncoming traffic lies at -3.5 m.
+#[test]
+fn patch_may_reach_the_road_by_its_edge_and_lie_on_another_lane() {
+    let across = |ground: &str, keys: &str| {
+        parsed(ground, &format!("name = \"a\"\nfriction = 0.2\ns_m = 10.0\nlength_m = 15.0\n{keys}"))
+    };
+    for keys in ["d_m = 2.9\nwidth_m = 2.0", "d_m = -2.9\nwidth_m = 2.0", "d_m = 50.0\nwidth_m = 100.0"] {
+        assert_eq!(across(ROAD, keys).map(|scenario| scenario.slippery.len()), Ok(1), "{keys}");
+    }
+    assert_eq!(across(MAP, "d_m = 3.5\nwidth_m = 1.0").map(|scenario| scenario.slippery.len()), Ok(1));
 }
 
 #[test]
