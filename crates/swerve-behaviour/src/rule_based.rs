@@ -137,7 +137,7 @@ struct Held {
     free_s: f64,
     /// True once it has stood before its sign.
     has_stood: bool,
-    /// Time at rest by now, seconds.
+    /// Time at rest by now, or since it may move up, seconds.
     stands_s: f64,
     /// Place to wait that the ego has moved up to or moves up to, metres, and true while it moves.
     creep_m: Option<f64>,
@@ -290,9 +290,9 @@ impl RuleBased {
         self.course = Course { route: Some(at.number), lanes, blocks, crossings, changes_m };
     }
 
-    /// True if the ego moves up in a junction.
-    fn creeps(&self) -> bool {
-        self.course.blocks.iter().any(|(_, held)| held.creeps)
+    /// True if the condition holds for the memory of any block.
+    fn any_held(&self, is: impl Fn(&Held) -> bool) -> bool {
+        self.course.blocks.iter().any(|(_, held)| is(held))
     }
 
     /// The state, and the road user because of whom.
@@ -312,7 +312,7 @@ impl RuleBased {
         let facts = Facts {
             stop: nearest.map(|nearest| nearest.point.cause),
             rests: self.rests,
-            creeps: self.creeps(),
+            creeps: self.any_held(|held| held.creeps),
             has_lead: lead.is_some(),
             is_in_junction: at.route.to_junction_m(own.center_m) == 0.0,
             brakes_hard: at.ego.accel_mps2 < -EMERGENCY_MPS2,
@@ -333,7 +333,8 @@ impl Held {
     /// Decides whether the ego enters a block before which it can stop; the stop if it does not.
     fn enter(&mut self, block: &Block, entry: &Entry<'_>, around: Around<'_>, dt_s: f64) -> Option<Stop> {
         let own = entry.own;
-        let waits = own.speed_mps < REST_MPS && self.stop_m(block) - own.front_m < AT_LINE_M;
+        let is_near = self.creep_m.is_some() || self.stop_m(block) - own.front_m < AT_LINE_M;
+        let waits = is_near && own.speed_mps < REST_MPS;
         self.stands_s = if waits { self.stands_s + dt_s } else { 0.0 };
         if waits || self.creeps {
             self.waits_s += dt_s;
@@ -411,7 +412,8 @@ impl BehaviourPlanner for RuleBased {
             let lead_m = lead.map(|(_, rear_m)| rear_m);
             let red_m = stops.iter().map(|stop| stop.point.s_m).reduce(f64::min);
             let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m, lead_m), dt_s);
-            if let Some(stop) = more.first().filter(|_| self.creeps()) {
+            let has_moved_up = self.any_held(|held| held.stops && held.creep_m.is_some());
+            if let Some(stop) = more.first().filter(|_| has_moved_up) {
                 decision.limits =
                     creep::slow(&decision.limits, [at.place.s_m, stop.point.s_m], self.params.creep_mps);
             }
