@@ -15,6 +15,7 @@ mod others;
 mod people;
 mod queue;
 mod state;
+mod trust;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,7 @@ use self::creep::Around;
 use self::entry::{Entry, Refusal, needed_mps2};
 use self::others::{Others, REST_MPS, Vehicle};
 use self::state::Facts;
+use self::trust::Trust;
 use crate::along::along;
 use crate::lights::LightStops;
 use crate::{BehaviourPlanner, FollowRouteParams, Roads, Situation};
@@ -161,6 +163,7 @@ pub struct RuleBased {
     params: RuleBasedParams,
     lights: LightStops,
     others: Others,
+    trust: Trust,
     course: Course,
     last: Option<Time>,
     rests: bool,
@@ -181,6 +184,7 @@ impl RuleBased {
             params,
             lights: LightStops::new(FollowRouteParams { brake_mps2, reaction_s }),
             others: Others::default(),
+            trust: Trust::default(),
             course: Course::default(),
             last: None,
             rests: false,
@@ -196,8 +200,9 @@ impl RuleBased {
         (vehicles, red_m, lead_m): (&[Vehicle], Option<f64>, Option<f64>),
         dt_s: f64,
     ) -> (Vec<Stop>, Vec<ExpectedStop>) {
-        let (mut stops, mut expected) = (Vec::new(), Vec::new());
+        let (mut stops, mut expected): (_, Vec<(ActorId, f64)>) = (Vec::new(), Vec::new());
         let view_m = own.view_m();
+        self.trust.forget(at.stamp);
         let Course { blocks, crossings, .. } = &mut self.course;
         for (block, held) in blocks {
             let to_m = held.stop_m(block) - own.front_m;
@@ -219,6 +224,8 @@ impl RuleBased {
                 has_green: block.light_m.is_some_and(|line_m| applies(at, line_m)),
                 has_moved_up: held.creep_m.is_some(),
             };
+            let mut yielding = entry.must_yield(block);
+            yielding.retain(|(other, in_m)| self.trust.expects(other, *in_m, at.stamp));
             let most_mps2 = if held.stops { KEEPS_MPS2 } else { self.params.brake_mps2 };
             let is_over = to_m < if held.stops { -PASSED_M } else { 0.0 };
             let is_before = !is_over && needed_mps2(own.speed_mps, to_m) <= most_mps2;
@@ -231,7 +238,7 @@ impl RuleBased {
             };
             let may_enter = stop.is_none() || !is_before;
             if may_enter {
-                expected.extend(entry.expected(block));
+                expected.extend(yielding.iter().map(|(other, in_m)| (other.id, *in_m)));
             }
             stops.extend(stop);
             if !may_enter {
@@ -428,6 +435,7 @@ impl BehaviourPlanner for RuleBased {
         decision.yields = gives_way.flat_map(|stop| stop.who.iter().copied()).collect();
         decision.yields.sort_unstable();
         decision.yields.dedup();
+        decision.expected_to_yield.retain(|one| decision.yields.binary_search(&one.id).is_err());
         decision.stops = stops.into_iter().map(|stop| stop.point).collect();
         decision
     }

@@ -3,6 +3,7 @@ mod creep;
 mod drive;
 mod posed;
 mod property;
+mod trust;
 
 use core::f64::consts::PI;
 use std::sync::Arc;
