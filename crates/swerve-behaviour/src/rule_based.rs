@@ -47,7 +47,7 @@ const CROSSING_MPS2: f64 = 4.0;
 /// Time at rest before a stop sign, seconds.
 const STOP_SIGN_S: f64 = 1.0;
 /// Time for which a way must be free before the ego goes, seconds.
-const FREE_S: f64 = 0.3;
+const FREE_S: f64 = 0.5;
 /// Share of all reserves that suffices while the ego goes.
 const GOES_SHARE: f64 = 0.5;
 /// Speed up to which the ego counts as at rest once it has been, m/s.
@@ -134,7 +134,7 @@ struct Held {
     /// True if the ego stops before it, and true if it goes.
     stops: bool,
     goes: bool,
-    /// Time at rest there, and time for which the way is free, seconds.
+    /// Time at rest there, and time for which the way is free, seconds; at rest at most [`FREE_S`].
     waits_s: f64,
     free_s: f64,
     /// True once it has stood before its sign.
@@ -220,6 +220,7 @@ impl RuleBased {
                 params: &self.params,
                 vehicles,
                 waits_s: held.waits_s,
+                goes_s: if held.goes { held.free_s } else { 0.0 },
                 share: if held.goes { GOES_SHARE } else { 1.0 },
                 has_green: block.light_m.is_some_and(|line_m| applies(at, line_m)),
                 has_moved_up: held.creep_m.is_some(),
@@ -233,6 +234,7 @@ impl RuleBased {
                 held.enter(block, &entry, around, dt_s)
             } else {
                 (held.stops, held.goes, held.creeps) = (false, true, false);
+                held.free_s += dt_s;
                 let inside = entry.stop_inside(block);
                 inside.map(|(s_m, who)| Stop { point: StopPoint { s_m, cause: StopReason::GiveWay }, who })
             };
@@ -360,7 +362,8 @@ impl Held {
             return stop(self, StopReason::StopSign, Vec::new());
         }
         let Some(refusal) = entry.refusal(block) else {
-            self.free_s += dt_s;
+            // Until it moves, it does not use the gap.
+            self.free_s = (self.free_s + dt_s).min(if waits { FREE_S } else { f64::INFINITY });
             self.stops &= self.free_s < FREE_S;
             self.goes = !self.stops;
             self.creeps &= self.stops;

@@ -53,6 +53,8 @@ pub(super) struct Entry<'a> {
     pub(super) vehicles: &'a [Vehicle],
     /// Time for which the ego waits at rest, seconds.
     pub(super) waits_s: f64,
+    /// Time for which it goes, seconds; 0 while it waits.
+    pub(super) goes_s: f64,
     /// Share of all reserves that suffices.
     pub(super) share: f64,
     /// True if a light lets the ego pass: others have red, except for oncoming traffic.
@@ -178,18 +180,23 @@ impl<'a> Entry<'a> {
         if self.is_taken_to_stay(other) {
             return false;
         }
+        // Somebody slow may speed up at any time, the less the faster they are.
         let [least_mps2, most_mps2] = GAIN_MPS2;
-        let gain_mps2 = if v < STARTS_MPS { most_mps2 } else { other.gain_mps2.clamp(least_mps2, most_mps2) };
+        let starts_mps2 = most_mps2 * (1.0 - v / STARTS_MPS);
+        let gain_mps2 = other.gain_mps2.clamp(least_mps2, most_mps2).max(starts_mps2);
         // Others may be faster than the limit, but not faster than bends let them be.
         let comes_s = time_s(in_m, v, zone.other_mps, gain_mps2);
-        if self.waits_s > self.params.patience_s {
-            return comes_s < self.params.gap_s || needed_mps2(v, in_m) > IMPOSED_MPS2;
+        // An accepted gap shrinks while the ego uses it.
+        let imposed_mps2 = if self.goes_s > 0.0 { STOPS_MPS2 } else { IMPOSED_MPS2 };
+        let accepts = comes_s + self.goes_s >= self.params.gap_s && needed_mps2(v, in_m) <= imposed_mps2;
+        if accepts && self.waits_s > self.params.patience_s {
+            return false;
         }
         // A faster vehicle behind needs room to adapt its speed.
         let is_merge = zone.zone.meeting == Meeting::Merge;
         let faster_mps = (v.min(zone.other_mps) - merge_mps).max(0.0);
         let adapts_s = if is_merge { faster_mps / (2.0 * ADAPTS_MPS2) } else { 0.0 };
-        comes_s - self.share * self.params.margin_s - adapts_s < own_out_s
+        comes_s - self.share * (self.params.margin_s + adapts_s) < own_out_s
     }
 
     /// True if a vehicle in a merge is so far ahead that the ego follows it.
