@@ -13,10 +13,10 @@ use super::others::Vehicle;
 const CHANGES_S: f64 = 0.5;
 /// Deceleration for which nobody has to brake yet, m/s².
 const EARLY_MPS2: f64 = 2.0;
-/// Largest needed deceleration of a driver who gives way, m/s², and the share of it with which the driver brakes: to be
-/// expected to give way, and to remain so.
-const BEGINS: (f64, f64) = (3.5, 0.5);
-const KEEPS: (f64, f64) = (6.0, 0.35);
+/// Largest needed deceleration of a driver who gives way, m/s², the share of it with which the driver brakes, and the time
+/// before it has to brake from which this is observed, seconds: to be expected to give way, and to remain so.
+const BEGINS: (f64, f64, f64) = (3.5, 0.5, 0.0);
+const KEEPS: (f64, f64, f64) = (6.0, 0.35, CHANGES_S);
 /// Distance into a zone at which a driver may come to rest, metres: bodies are shorter than those of zones.
 const OVER_M: f64 = 0.4;
 /// Time after which a driver out of view is forgotten, seconds.
@@ -59,9 +59,12 @@ impl Trust {
 /// Next judgement of a driver. It changes after some time of contrary behaviour, or at once if the driver cannot stop.
 fn judged(before: Option<Driver>, other: &Vehicle, in_m: f64, now: Time) -> Driver {
     let needed_mps2 = needed_mps2(other.speed_mps, in_m + OVER_M);
-    let (most_mps2, share) = if before.is_some_and(|before| before.yields) { KEEPS } else { BEGINS };
+    let is_expected = before.is_some_and(|before| before.yields);
+    // The time that a change takes is over when the driver has to brake.
+    let (most_mps2, share, ahead_s) = if is_expected { KEEPS } else { BEGINS };
+    let is_early = self::needed_mps2(other.speed_mps, in_m - ahead_s * other.speed_mps) <= EARLY_MPS2;
     let brakes = -other.gain_mps2 > share * needed_mps2;
-    let yields = needed_mps2 <= most_mps2 && (needed_mps2 <= EARLY_MPS2 || brakes);
+    let yields = needed_mps2 <= most_mps2 && (is_early || brakes);
     let contrary = before.filter(|before| before.yields != yields && needed_mps2 <= KEEPS.0);
     let contrary_s = contrary.map(|before| before.contrary_s + (now - before.at).as_secs());
     match contrary_s.filter(|contrary_s| *contrary_s < CHANGES_S) {
