@@ -15,6 +15,7 @@ mod others;
 mod people;
 mod queue;
 mod state;
+mod trust;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,7 @@ use self::creep::Around;
 use self::entry::{Entry, Refusal, needed_mps2};
 use self::others::{Others, REST_MPS, Vehicle};
 use self::state::Facts;
+use self::trust::Trust;
 use crate::along::along;
 use crate::lights::LightStops;
 use crate::{BehaviourPlanner, FollowRouteParams, Roads, Situation};
@@ -45,7 +47,7 @@ const CROSSING_MPS2: f64 = 4.0;
 /// Time at rest before a stop sign, seconds.
 const STOP_SIGN_S: f64 = 1.0;
 /// Time for which a way must be free before the ego goes, seconds.
-const FREE_S: f64 = 0.3;
+const FREE_S: f64 = 0.5;
 /// Share of all reserves that suffices while the ego goes.
 const GOES_SHARE: f64 = 0.5;
 /// Speed up to which the ego counts as at rest once it has been, m/s.
@@ -132,12 +134,12 @@ struct Held {
     /// True if the ego stops before it, and true if it goes.
     stops: bool,
     goes: bool,
-    /// Time at rest there, and time for which the way is free, seconds.
+    /// Time at rest there, and time for which the way is free, seconds; at rest at most [`FREE_S`].
     waits_s: f64,
     free_s: f64,
     /// True once it has stood before its sign.
     has_stood: bool,
-    /// Time at rest by now, seconds.
+    /// Time at rest by now, or since it may move up, seconds.
     stands_s: f64,
     /// Place to wait that the ego has moved up to or moves up to, metres, and true while it moves.
     creep_m: Option<f64>,
@@ -161,6 +163,7 @@ pub struct RuleBased {
     params: RuleBasedParams,
     lights: LightStops,
     others: Others,
+    trust: Trust,
     course: Course,
     last: Option<Time>,
     rests: bool,
@@ -181,6 +184,7 @@ impl RuleBased {
             params,
             lights: LightStops::new(FollowRouteParams { brake_mps2, reaction_s }),
             others: Others::default(),
+            trust: Trust::default(),
             course: Course::default(),
             last: None,
             rests: false,
@@ -196,8 +200,9 @@ impl RuleBased {
         (vehicles, red_m, lead_m): (&[Vehicle], Option<f64>, Option<f64>),
         dt_s: f64,
     ) -> (Vec<Stop>, Vec<ExpectedStop>) {
-        let (mut stops, mut expected) = (Vec::new(), Vec::new());
+        let (mut stops, mut expected): (_, Vec<(ActorId, f64)>) = (Vec::new(), Vec::new());
         let view_m = own.view_m();
+        self.trust.forget(at.stamp);
         let Course { blocks, crossings, .. } = &mut self.course;
         for (block, held) in blocks {
             let to_m = held.stop_m(block) - own.front_m;
@@ -215,10 +220,13 @@ impl RuleBased {
                 params: &self.params,
                 vehicles,
                 waits_s: held.waits_s,
+                goes_s: if held.goes { held.free_s } else { 0.0 },
                 share: if held.goes { GOES_SHARE } else { 1.0 },
                 has_green: block.light_m.is_some_and(|line_m| applies(at, line_m)),
                 has_moved_up: held.creep_m.is_some(),
             };
+            let mut yielding = entry.must_yield(block);
+            yielding.retain(|(other, in_m)| self.trust.expects(other, *in_m, at.stamp));
             let most_mps2 = if held.stops { KEEPS_MPS2 } else { self.params.brake_mps2 };
             let is_over = to_m < if held.stops { -PASSED_M } else { 0.0 };
             let is_before = !is_over && needed_mps2(own.speed_mps, to_m) <= most_mps2;
@@ -226,12 +234,13 @@ impl RuleBased {
                 held.enter(block, &entry, around, dt_s)
             } else {
                 (held.stops, held.goes, held.creeps) = (false, true, false);
+                held.free_s += dt_s;
                 let inside = entry.stop_inside(block);
                 inside.map(|(s_m, who)| Stop { point: StopPoint { s_m, cause: StopReason::GiveWay }, who })
             };
             let may_enter = stop.is_none() || !is_before;
             if may_enter {
-                expected.extend(entry.expected(block));
+                expected.extend(yielding.iter().map(|(other, in_m)| (other.id, *in_m)));
             }
             stops.extend(stop);
             if !may_enter {
@@ -290,9 +299,9 @@ impl RuleBased {
         self.course = Course { route: Some(at.number), lanes, blocks, crossings, changes_m };
     }
 
-    /// True if the ego moves up in a junction.
-    fn creeps(&self) -> bool {
-        self.course.blocks.iter().any(|(_, held)| held.creeps)
+    /// True if the condition holds for the memory of any block.
+    fn any_held(&self, is: impl Fn(&Held) -> bool) -> bool {
+        self.course.blocks.iter().any(|(_, held)| is(held))
     }
 
     /// The state, and the road user because of whom.
@@ -312,7 +321,7 @@ impl RuleBased {
         let facts = Facts {
             stop: nearest.map(|nearest| nearest.point.cause),
             rests: self.rests,
-            creeps: self.creeps(),
+            creeps: self.any_held(|held| held.creeps),
             has_lead: lead.is_some(),
             is_in_junction: at.route.to_junction_m(own.center_m) == 0.0,
             brakes_hard: at.ego.accel_mps2 < -EMERGENCY_MPS2,
@@ -333,7 +342,8 @@ impl Held {
     /// Decides whether the ego enters a block before which it can stop; the stop if it does not.
     fn enter(&mut self, block: &Block, entry: &Entry<'_>, around: Around<'_>, dt_s: f64) -> Option<Stop> {
         let own = entry.own;
-        let waits = own.speed_mps < REST_MPS && self.stop_m(block) - own.front_m < AT_LINE_M;
+        let is_near = self.creep_m.is_some() || self.stop_m(block) - own.front_m < AT_LINE_M;
+        let waits = is_near && own.speed_mps < REST_MPS;
         self.stands_s = if waits { self.stands_s + dt_s } else { 0.0 };
         if waits || self.creeps {
             self.waits_s += dt_s;
@@ -352,7 +362,8 @@ impl Held {
             return stop(self, StopReason::StopSign, Vec::new());
         }
         let Some(refusal) = entry.refusal(block) else {
-            self.free_s += dt_s;
+            // Until it moves, it does not use the gap.
+            self.free_s = (self.free_s + dt_s).min(if waits { FREE_S } else { f64::INFINITY });
             self.stops &= self.free_s < FREE_S;
             self.goes = !self.stops;
             self.creeps &= self.stops;
@@ -411,7 +422,8 @@ impl BehaviourPlanner for RuleBased {
             let lead_m = lead.map(|(_, rear_m)| rear_m);
             let red_m = stops.iter().map(|stop| stop.point.s_m).reduce(f64::min);
             let (more, expected) = self.pass_blocks(at, own, (&vehicles, red_m, lead_m), dt_s);
-            if let Some(stop) = more.first().filter(|_| self.creeps()) {
+            let has_moved_up = self.any_held(|held| held.stops && held.creep_m.is_some());
+            if let Some(stop) = more.first().filter(|_| has_moved_up) {
                 decision.limits =
                     creep::slow(&decision.limits, [at.place.s_m, stop.point.s_m], self.params.creep_mps);
             }
@@ -426,6 +438,7 @@ impl BehaviourPlanner for RuleBased {
         decision.yields = gives_way.flat_map(|stop| stop.who.iter().copied()).collect();
         decision.yields.sort_unstable();
         decision.yields.dedup();
+        decision.expected_to_yield.retain(|one| decision.yields.binary_search(&one.id).is_err());
         decision.stops = stops.into_iter().map(|stop| stop.point).collect();
         decision
     }

@@ -11,6 +11,8 @@ use super::{Held, STOP_SIGN_S};
 const LEAST_M: f64 = 3.0;
 /// Distance before the new place to wait within which the ego has arrived once it is at rest, metres.
 const ARRIVED_M: f64 = 2.5;
+/// Time at rest after which an ego that may move up waits where it is, seconds: something else is in its way.
+const STARTS_S: f64 = 2.0;
 /// Distance kept behind the vehicle ahead, metres.
 const BEHIND_M: f64 = 2.0;
 
@@ -65,10 +67,11 @@ impl Held {
             // Somebody comes: the ego stays where it is.
             self.creep_m = Some(to_m.max(own.front_m));
         } else if to_m > stop_m.max(own.front_m) + LEAST_M && self.stands_s >= STOP_SIGN_S && may_begin {
-            (self.creep_m, self.creeps) = (Some(to_m), true);
+            (self.creep_m, self.creeps, self.stands_s) = (Some(to_m), true, 0.0);
         }
         let left_m = self.stop_m(block) - own.front_m;
-        self.creeps &= own.speed_mps >= REST_MPS || left_m > ARRIVED_M;
+        let may_start = left_m > ARRIVED_M && self.stands_s < STARTS_S;
+        self.creeps &= own.speed_mps >= REST_MPS || may_start;
     }
 }
 

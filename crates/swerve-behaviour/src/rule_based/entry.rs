@@ -15,12 +15,8 @@ const CLEAR_S: f64 = 0.5;
 const GAIN_MPS2: [f64; 2] = [0.01, 1.5];
 const STARTS_MPS: f64 = 4.0;
 const START_S: f64 = 0.3;
-/// Deceleration up to which others are expected to let the ego pass, and that with which they cannot stop any more, m/s².
-const YIELDS_MPS2: f64 = 3.5;
+/// Deceleration with which others cannot stop any more, m/s².
 const STOPS_MPS2: f64 = 4.0;
-/// Deceleration for which nobody has to brake yet, m/s², and the part of a needed one that is seen when somebody does.
-const EARLY_MPS2: f64 = 2.0;
-const BRAKES_SHARE: f64 = 0.5;
 /// Deceleration that an impatient ego imposes on others, m/s².
 const IMPOSED_MPS2: f64 = 2.0;
 /// Deceleration to the speed of others in a merge, m/s².
@@ -57,6 +53,8 @@ pub(super) struct Entry<'a> {
     pub(super) vehicles: &'a [Vehicle],
     /// Time for which the ego waits at rest, seconds.
     pub(super) waits_s: f64,
+    /// Time for which it goes, seconds; 0 while it waits.
+    pub(super) goes_s: f64,
     /// Share of all reserves that suffices.
     pub(super) share: f64,
     /// True if a light lets the ego pass: others have red, except for oncoming traffic.
@@ -75,7 +73,7 @@ struct Passage {
     merge_mps: f64,
 }
 
-impl Entry<'_> {
+impl<'a> Entry<'a> {
     /// Reason why the ego may not enter a block; `None` if it may.
     pub(super) fn refusal(&self, block: &Block) -> Option<Refusal> {
         let mut to: Vec<ActorId> = Vec::new();
@@ -115,18 +113,17 @@ impl Entry<'_> {
         (can_stop && !blocks).then_some((center_m + self.own.half_m, to))
     }
 
-    /// Vehicles that give way to the ego in a block, and the ways after which they stop, metres.
-    pub(super) fn expected(&self, block: &Block) -> Vec<(ActorId, f64)> {
-        let ahead = || block.zones.iter().filter(|zone| zone.at_m[1] > self.own.center_m);
-        // Nearest zone of a vehicle that gives way in all zones that it may come to.
-        let stop_m = |other: &Vehicle| {
+    /// Vehicles that must give way to the ego in all zones of a block that they may come to, and their ways to the
+    /// nearest one, metres.
+    pub(super) fn must_yield(&self, block: &Block) -> Vec<(&'a Vehicle, f64)> {
+        let stop_m = |other: &'a Vehicle| {
             let gives_way = |zone: &RouteZone| !zone.zone.yields || self.has_red(other, zone);
             let mut nearest_m = f64::INFINITY;
-            for zone in ahead() {
+            for zone in block.zones.iter().filter(|zone| zone.at_m[1] > self.own.center_m) {
                 let Some([in_m, _]) = self.way_m(other, zone) else { continue };
                 nearest_m = if gives_way(zone) { nearest_m.min(in_m) } else { return None };
             }
-            (nearest_m.is_finite() && behaves(other, nearest_m)).then_some((other.id, nearest_m))
+            nearest_m.is_finite().then_some((other, nearest_m))
         };
         self.vehicles.iter().filter(|other| !other.kind.is_person()).filter_map(stop_m).collect()
     }
@@ -176,25 +173,30 @@ impl Entry<'_> {
         if is_in {
             return true;
         }
-        let is_unable = needed_mps2(v, in_m) > STOPS_MPS2;
+        let is_unable = other.needed_mps2(in_m) > STOPS_MPS2;
         if self.has_red(other, zone) || !zone.zone.yields {
             return is_unable && in_m / v - CLEAR_S < own_out_s;
         }
         if self.is_taken_to_stay(other) {
             return false;
         }
+        // Somebody slow may speed up at any time, the less the faster they are.
         let [least_mps2, most_mps2] = GAIN_MPS2;
-        let gain_mps2 = if v < STARTS_MPS { most_mps2 } else { other.gain_mps2.clamp(least_mps2, most_mps2) };
+        let starts_mps2 = most_mps2 * (1.0 - v / STARTS_MPS);
+        let gain_mps2 = other.gain_mps2.clamp(least_mps2, most_mps2).max(starts_mps2);
         // Others may be faster than the limit, but not faster than bends let them be.
         let comes_s = time_s(in_m, v, zone.other_mps, gain_mps2);
-        if self.waits_s > self.params.patience_s {
-            return comes_s < self.params.gap_s || needed_mps2(v, in_m) > IMPOSED_MPS2;
+        // An accepted gap shrinks while the ego uses it.
+        let imposed_mps2 = if self.goes_s > 0.0 { STOPS_MPS2 } else { IMPOSED_MPS2 };
+        let accepts = comes_s + self.goes_s >= self.params.gap_s && needed_mps2(v, in_m) <= imposed_mps2;
+        if accepts && self.waits_s > self.params.patience_s {
+            return false;
         }
         // A faster vehicle behind needs room to adapt its speed.
         let is_merge = zone.zone.meeting == Meeting::Merge;
         let faster_mps = (v.min(zone.other_mps) - merge_mps).max(0.0);
         let adapts_s = if is_merge { faster_mps / (2.0 * ADAPTS_MPS2) } else { 0.0 };
-        comes_s - self.share * self.params.margin_s - adapts_s < own_out_s
+        comes_s - self.share * (self.params.margin_s + adapts_s) < own_out_s
     }
 
     /// True if a vehicle in a merge is so far ahead that the ego follows it.
@@ -239,11 +241,4 @@ impl Entry<'_> {
 /// Deceleration with which a vehicle stops within a distance, m/s².
 pub(super) fn needed_mps2(speed_mps: f64, within_m: f64) -> f64 {
     if speed_mps == 0.0 { 0.0 } else { speed_mps * speed_mps / (2.0 * within_m.max(0.01)) }
-}
-
-/// True if a vehicle still can give way, and brakes if it has to by now.
-fn behaves(other: &Vehicle, in_m: f64) -> bool {
-    let needed_mps2 = needed_mps2(other.speed_mps, in_m);
-    let brakes = -other.gain_mps2 > BRAKES_SHARE * needed_mps2;
-    in_m > 0.0 && needed_mps2 <= YIELDS_MPS2 && (needed_mps2 <= EARLY_MPS2 || brakes)
 }

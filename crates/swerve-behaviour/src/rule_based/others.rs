@@ -8,6 +8,7 @@ use swerve_map::LaneId;
 use swerve_msg::{ActorId, ActorKind, Prediction};
 
 use super::block::{OnLane, is_for_vehicles};
+use super::entry::needed_mps2;
 use crate::{Roads, Situation};
 
 /// Distance ahead at which vehicles are expected on lanes, metres.
@@ -24,6 +25,10 @@ const PASSED_M: f64 = 1.0;
 pub(super) const REST_MPS: f64 = 0.3;
 /// Time over which accelerations are averaged, seconds.
 const MEAN_S: f64 = 0.5;
+/// Time for which a vehicle is expected to go on speeding up, seconds, from this mean acceleration on, m/s²; shorter
+/// below.
+const GOES_ON_S: f64 = 0.5;
+const SPEEDS_UP_MPS2: f64 = 0.6;
 
 /// A lane that a vehicle is on or may reach.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +64,14 @@ impl Vehicle {
     pub(super) fn reach(&self, lane: LaneId) -> Option<&Reach> {
         let found = self.reaches.binary_search_by_key(&lane, |reach| reach.lane);
         found.ok().map(|index| &self.reaches[index])
+    }
+
+    /// Deceleration with which the vehicle stops within a distance, m/s². One that speeds up goes on with it at first.
+    pub(super) fn needed_mps2(&self, within_m: f64) -> f64 {
+        let goes_on_s = GOES_ON_S * (self.gain_mps2 / SPEEDS_UP_MPS2).clamp(0.0, 1.0);
+        let gained_mps = self.gain_mps2 * goes_on_s;
+        let way_m = (self.speed_mps + 0.5 * gained_mps) * goes_on_s;
+        needed_mps2(self.speed_mps + gained_mps, within_m - way_m)
     }
 }
 

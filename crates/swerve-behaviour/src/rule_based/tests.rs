@@ -3,6 +3,7 @@ mod creep;
 mod drive;
 mod posed;
 mod property;
+mod trust;
 
 use core::f64::consts::PI;
 use std::sync::Arc;
@@ -106,8 +107,29 @@ fn after_long_waiting_a_smaller_gap_suffices() {
     let mut posed = at_crossing("crossing.xodr", turn, 2.2, 0.0).car(on_arm(FROM_EAST, -46.0), 10.0);
     assert_eq!(causes(&posed.decide_after(19.0)), [StopReason::GiveWay]);
     assert_eq!(causes(&posed.decide_after(2.0)), []);
-    posed.aim(1, on_arm(FROM_EAST, -30.0), 10.0);
+    // While the ego starts, the gap may shrink by half a second.
+    posed.aim(1, on_arm(FROM_EAST, -32.0), 10.0);
+    assert_eq!(causes(&posed.decide()), []);
+    posed.aim(1, on_arm(FROM_EAST, -24.0), 10.0);
     assert_eq!(causes(&posed.decide()), [StopReason::GiveWay]);
+}
+
+#[test]
+fn accepted_gap_is_not_refused_while_it_closes() {
+    let mut posed = at_crossing("crossing.xodr", [FROM_WEST, FROM_SOUTH], 2.2, 0.0);
+    posed = posed.car(on_arm(FROM_EAST, -30.0), 10.0);
+    assert_eq!(causes(&posed.decide_after(21.0)), [StopReason::GiveWay]);
+    let (mut goes, mut car_m) = (false, -50.0);
+    for _ in 0..25 {
+        posed.aim(1, on_arm(FROM_EAST, car_m), 10.0);
+        let stops = causes(&posed.decide());
+        assert!(!goes || stops.is_empty(), "{car_m} m, {} m/s", posed.speed_mps);
+        goes = stops.is_empty();
+        posed.speed_mps += if goes { 0.2 } else { 0.0 };
+        posed.front_m += 0.1 * posed.speed_mps;
+        car_m += 1.0;
+    }
+    assert!(goes);
 }
 
 #[test]

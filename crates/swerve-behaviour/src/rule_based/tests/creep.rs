@@ -55,6 +55,27 @@ fn ego_moves_up_to_the_first_zone_after_a_second_at_rest() {
 }
 
 #[test]
+fn ego_that_stands_before_its_place_waits() {
+    // It does not start, or it comes to rest on its way; the place stays.
+    for moves_m in [0.0, 1.0] {
+        let mut posed = from_side_road(Posed::on("crossing_priority.xodr"), 1.0);
+        let begins = waits(&mut posed);
+        (posed.front_m, posed.speed_mps) = (posed.front_m + moves_m, 1.2 * moves_m);
+        assert_eq!(posed.decide().state, Some(DrivingState::Creep));
+        posed.speed_mps = 0.0;
+        let decisions: Vec<Decision> = (0..200).map(|_| posed.decide()).collect();
+        assert!(decisions.iter().all(|decision| decision.stops == begins.stops), "{begins:?}");
+        let creeps =
+            decisions.iter().take_while(|decision| decision.state == Some(DrivingState::Creep)).count();
+        assert!(creeps <= 20, "{creeps} frames");
+        let rest = &decisions[creeps..];
+        assert!(rest.iter().all(|decision| decision.state == Some(DrivingState::WaitForGap)));
+        // Once it can, it goes on as slowly.
+        assert_eq!(rest[0].speed_mps(posed.front_m, 1.0), 1.5);
+    }
+}
+
+#[test]
 fn ego_stays_at_the_line_where_it_would_be_in_the_way() {
     // A vehicle stands ahead.
     let mut posed = from_side_road(Posed::on("crossing_priority.xodr"), 1.0);
