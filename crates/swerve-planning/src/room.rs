@@ -74,7 +74,8 @@ impl Room {
             // Road users that leave room within the lane are passed there, with the distance left by the offset steps.
             let is_blocked = blocks(mover, request, wanted_m);
             let spare_m = spare_m(request, traffic, (k, mover, is_blocked), reach_m) - wanted.clearance_m;
-            let aside_m = if follows(mover, wanted.clearance_m + spare_m) { more_m } else { spare_m.clamp(0.0, more_m) };
+            let least_m = if follows(mover, wanted.clearance_m + spare_m) { more_m } else { 0.0 };
+            let aside_m = spare_m.clamp(least_m, more_m);
             let ahead_m = (spare_m - aside_m).clamp(0.0, facing * wanted.step_out_m);
             room.traffic.replace(k, wider(one, aside_m, ahead_m), request, line);
             if one.kind.is_person() && in_lane > 0.0 {

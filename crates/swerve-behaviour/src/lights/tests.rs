@@ -8,6 +8,10 @@ fn full_mps2() -> f64 {
     Limits::default().brake_max_mps2
 }
 
+fn hold(lines: &mut LightStops, lights: &TrafficLights, motion: [f64; 2]) {
+    lines.hold(lights, motion, (&Shape::default(), full_mps2()));
+}
+
 /// One light with its line at 300 m.
 fn shows(ms: i64, signal: Signal) -> TrafficLights {
     let light = TrafficLight { signal: Some(signal), stop_s_m: Some(300.0), ..TrafficLight::default() };
@@ -17,7 +21,7 @@ fn shows(ms: i64, signal: Signal) -> TrafficLights {
 /// Returns true if the ego stops at a light that turns yellow when the line is this far ahead of its front.
 fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
     let mut lines = LightStops::new(FollowRouteParams::default());
-    lines.hold(&shows(0, Signal::Yellow), [300.0 - ahead_m, speed_mps], (&Shape::default(), full_mps2()));
+    hold(&mut lines, &shows(0, Signal::Yellow), [300.0 - ahead_m, speed_mps]);
     !lines.held.is_empty()
 }
 
@@ -51,7 +55,7 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
     for tenth in 0..28 {
         let front_m = 300.0 - 32.5 + 1.372 * f64::from(tenth);
         let speed_mps = if tenth == 0 { 14.0 } else { 13.72 };
-        lines.hold(&shows(100 * i64::from(tenth), Signal::Yellow), [front_m, speed_mps], (&Shape::default(), full_mps2()));
+        hold(&mut lines, &shows(100 * i64::from(tenth), Signal::Yellow), [front_m, speed_mps]);
         assert!(lines.held.is_empty(), "{tenth}");
     }
 }
@@ -60,7 +64,7 @@ fn decision_at_yellow_holds_while_the_line_comes_nearer() {
 fn light_that_goes_off_does_not_hold() {
     let mut lines = LightStops::new(FollowRouteParams::default());
     for (signal, is_held) in [(Signal::Off, false), (Signal::Red, true), (Signal::Off, false)] {
-        lines.hold(&shows(0, signal), [250.0, 8.0], (&Shape::default(), full_mps2()));
+        hold(&mut lines, &shows(0, signal), [250.0, 8.0]);
         assert_eq!(!lines.held.is_empty(), is_held, "{signal:?}");
     }
 }
@@ -70,18 +74,18 @@ fn red_holds_until_green_and_where_full_brake_suffices() {
     let full_m = 14.0 * 14.0 / (2.0 * full_mps2());
     let held = |ahead_m: f64| {
         let mut lines = LightStops::new(FollowRouteParams::default());
-        lines.hold(&shows(0, Signal::Red), [300.0 - ahead_m, 14.0], (&Shape::default(), full_mps2()));
+        hold(&mut lines, &shows(0, Signal::Red), [300.0 - ahead_m, 14.0]);
         lines.held.len()
     };
     assert_eq!((held(full_m + 0.5), held(full_m - 0.5)), (1, 0));
     let mut lines = LightStops::new(FollowRouteParams::default());
-    lines.hold(&shows(0, Signal::Red), [240.0, 14.0], (&Shape::default(), full_mps2()));
+    hold(&mut lines, &shows(0, Signal::Red), [240.0, 14.0]);
     // Too close for full braking, by an inaccurate report: the stop is kept.
-    lines.hold(&shows(100, Signal::Red), [298.0, 14.0], (&Shape::default(), full_mps2()));
+    hold(&mut lines, &shows(100, Signal::Red), [298.0, 14.0]);
     assert_eq!(lines.held, [300.0]);
-    lines.hold(&TrafficLights { stamp: Time::from_ms(200), lights: Vec::new() }, [298.0, 0.0], (&Shape::default(), full_mps2()));
+    hold(&mut lines, &TrafficLights { stamp: Time::from_ms(200), lights: Vec::new() }, [298.0, 0.0]);
     assert_eq!(lines.held, [300.0], "out of sight is not green");
-    lines.hold(&shows(300, Signal::Green), [298.0, 0.0], (&Shape::default(), full_mps2()));
+    hold(&mut lines, &shows(300, Signal::Green), [298.0, 0.0]);
     assert!(lines.held.is_empty());
 }
 
