@@ -3,7 +3,6 @@
 use swerve_core::Time;
 use swerve_geom::Polyline;
 use swerve_msg::{Signal, TrafficLight, TrafficLights};
-use swerve_vehicle::Shape;
 
 use crate::{FollowRouteParams, Situation};
 
@@ -19,6 +18,15 @@ const BEHIND_M: f64 = 1.0;
 /// Reserve before the light can be red for an ego that goes on at yellow, seconds: the first frame that shows yellow is
 /// late, and the speed is not held exactly.
 const EARLY_S: f64 = 0.25;
+
+/// The ego before a line.
+#[derive(Clone, Copy, Debug)]
+struct Car {
+    front_s_m: f64,
+    length_m: f64,
+    speed_mps: f64,
+    brake_max_mps2: f64,
+}
 
 /// Stop lines of the lights at which the ego has to stop.
 #[derive(Clone, Debug)]
@@ -41,7 +49,13 @@ impl LightStops {
     pub(crate) fn update(&mut self, at: &Situation<'_>) -> &[f64] {
         self.move_to(at);
         if let Some(lights) = at.lights.filter(|_| at.ego.is_plausible()) {
-            self.hold(lights, [at.front_s_m(), at.ego.speed_mps], (at.shape, at.limits.brake_max_mps2));
+            let car = Car {
+                front_s_m: at.front_s_m(),
+                length_m: at.shape.length_m,
+                speed_mps: at.ego.speed_mps,
+                brake_max_mps2: at.limits.brake_max_mps2,
+            };
+            self.hold(lights, car);
         }
         &self.held
     }
@@ -66,26 +80,18 @@ impl LightStops {
     /// Updates the lines at which the ego stops: of red lights, of yellow ones by
     /// [`stops_at_yellow`](Self::stops_at_yellow), and of held lights that show nothing now; except lines behind the
     /// ego and new ones too close for full braking.
-    fn hold(
-        &mut self,
-        lights: &TrafficLights,
-        [front_s_m, speed_mps]: [f64; 2],
-        (shape, brake_max_mps2): (&Shape, f64),
-    ) {
+    fn hold(&mut self, lights: &TrafficLights, car: Car) {
+        let front_s_m = car.front_s_m;
         let TrafficLights { stamp, ref lights, .. } = *lights;
         self.watch_yellow(lights, stamp);
-        let can_stop = |line_s_m: f64| front_s_m + way_m(speed_mps, brake_max_mps2) < line_s_m;
+        let full_m = way_m(car.speed_mps, car.brake_max_mps2);
+        let can_stop = |line_s_m: f64| front_s_m + full_m < line_s_m;
         let holds = |light: &TrafficLight| {
             let line_s_m = light.stop_s_m.filter(|line_s_m| front_s_m < line_s_m + PASSED_M)?;
             let held = self.held.contains(&line_s_m);
             let stops = match light.signal {
                 Some(Signal::Red) => held || can_stop(line_s_m),
-                Some(Signal::Yellow) => {
-                    let ahead_m = line_s_m - front_s_m;
-                    let over_m = ahead_m + shape.length_m + BEHIND_M;
-                    let ways_m = [ahead_m, over_m];
-                    held || self.stops_at_yellow((line_s_m, ways_m), stamp, speed_mps, brake_max_mps2)
-                }
+                Some(Signal::Yellow) => held || self.stops_at_yellow(line_s_m, stamp, car),
                 Some(Signal::Green | Signal::Off) => false,
                 None => held,
             };
@@ -118,17 +124,13 @@ impl LightStops {
         }
     }
 
-    /// Returns true if the ego stops at a yellow light whose line is `ahead_m` ahead of its front: comfortably where
-    /// there is room; else only if it cannot drive `over_m`, past the line with its tail, in the least time that a light
-    /// is yellow, and full braking suffices. So there is no position from which the ego can neither stop nor pass (the
-    /// dilemma zone of Gazis, Herman and Maradudin 1960).
-    fn stops_at_yellow(
-        &self,
-        (line_s_m, [ahead_m, over_m]): (f64, [f64; 2]),
-        stamp: Time,
-        speed_mps: f64,
-        brake_max_mps2: f64,
-    ) -> bool {
+    /// Returns true if the ego stops at a yellow light: comfortably where there is room; else only if its tail cannot be
+    /// past the line in the least time that a light is yellow, and full braking suffices. So there is no position from
+    /// which the ego can neither stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
+    fn stops_at_yellow(&self, line_s_m: f64, stamp: Time, car: Car) -> bool {
+        let Car { front_s_m, length_m, speed_mps, brake_max_mps2 } = car;
+        let ahead_m = line_s_m - front_s_m;
+        let over_m = ahead_m + length_m + BEHIND_M;
         let FollowRouteParams { brake_mps2, reaction_s } = self.params;
         if way_m(speed_mps, brake_mps2) + speed_mps * reaction_s < ahead_m {
             return true;

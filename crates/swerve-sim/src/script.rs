@@ -26,8 +26,8 @@ struct Leg {
 enum Course {
     /// Straight ahead from this pose.
     Straight(Pose2),
-    /// Along the road from here (`sign` 1) or against it (-1), turned by `turn_rad` from the road's heading.
-    Road { from: FrenetPoint, sign: f64, turn_rad: f64 },
+    /// Along the road from here, or against it if turned by half a turn from the road's heading.
+    Road { from: FrenetPoint, turn_rad: f64 },
 }
 
 impl Script {
@@ -81,7 +81,8 @@ impl Leg {
             Course::Straight(from) => {
                 Movement { pose: from.ahead(way_m), velocity_mps: from.direction() * speed_mps }
             }
-            Course::Road { from, sign, turn_rad } => {
+            Course::Road { from, turn_rad } => {
+                let sign = if turn_rad == 0.0 { 1.0 } else { -1.0 };
                 let s_m = from.s_m + sign * way_m;
                 let on_line = line.at(s_m);
                 let place = line.to_map(FrenetPoint { s_m, d_m: from.d_m });
@@ -133,8 +134,10 @@ fn course(along: Along, at: Pose2, from: FrenetPoint, line: &Polyline) -> Course
         Along::Road => {
             let turn_rad = swerve_geom::angle_between(line.at(from.s_m).pose.heading_rad, at.heading_rad);
             let against = turn_rad.abs() > core::f64::consts::FRAC_PI_2;
-            let turn_rad = if against { core::f64::consts::PI.copysign(turn_rad) } else { 0.0 };
-            Course::Road { from, sign: if against { -1.0 } else { 1.0 }, turn_rad }
+            Course::Road {
+                from,
+                turn_rad: if against { core::f64::consts::PI.copysign(turn_rad) } else { 0.0 },
+            }
         }
     }
 }
@@ -279,7 +282,7 @@ mod tests {
         let (script, line) =
             script(STRAIGHT, &format!("s_m = 30.0\nd_m = 4.0\nmotion = [{{ {out} }}, {{ {on} }}]"));
         let heading = |t: f64| script.at(Some(t), &line).pose.heading_rad;
-        assert!((heading(1.0) - (4.15_f64 / 6.0).atan()).abs() < 1e-9, "{}", heading(1.0));
+        assert!((heading(1.0) - swerve_geom::math::atan2(4.15, 6.0)).abs() < 1e-9, "{}", heading(1.0));
         assert_eq!(heading(3.0), 0.0);
     }
 

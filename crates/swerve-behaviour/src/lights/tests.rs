@@ -8,8 +8,9 @@ fn full_mps2() -> f64 {
     Limits::default().brake_max_mps2
 }
 
-fn hold(lines: &mut LightStops, lights: &TrafficLights, motion: [f64; 2]) {
-    lines.hold(lights, motion, (&Shape::default(), full_mps2()));
+fn hold(lines: &mut LightStops, lights: &TrafficLights, [front_s_m, speed_mps]: [f64; 2]) {
+    let length_m = Shape::default().length_m;
+    lines.hold(lights, Car { front_s_m, length_m, speed_mps, brake_max_mps2: full_mps2() });
 }
 
 /// One light with its line at 300 m.
@@ -27,8 +28,10 @@ fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
 
 #[test]
 fn ego_stops_at_yellow_where_3_mps2_suffice() {
-    // 8 m/s: 8² / 6 + 0.5 s * 8 = 14.7 m; from there, the tail is a metre past the line within 2.75 s, before red is
-    // possible.
+    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m. From 32.6 m the tail is a metre past the line within 2.75 s, before red is
+    // possible; between the two the ego brakes harder.
+    assert!(stops_at_yellow(14.0, 40.0) && stops_at_yellow(14.0, 33.0) && !stops_at_yellow(14.0, 32.0));
+    // 8 m/s: 14.7 m; from there the tail is past it in time.
     assert!(stops_at_yellow(8.0, 15.0) && !stops_at_yellow(8.0, 14.0));
 }
 

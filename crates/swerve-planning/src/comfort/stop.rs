@@ -60,7 +60,7 @@ impl Comfort {
         if !movers.iter().any(counts) {
             return None;
         }
-        let short_of_m = if v > SLOW_MPS { self.first_hurried_m(scene)? } else { f64::INFINITY };
+        let short_of_m = if v > SLOW_MPS { first_hurried_m(scene)? } else { f64::INFINITY };
         let request = &Request { limits: scene.vehicle, ..*scene.request };
         let beyond = self.lane(request).is_over(scene.place.s_m, scene.place.d_m);
         let way = if beyond { self.gentle.way_on(request, v * SETTLE_S) } else { self.way_in_lane(scene) };
@@ -80,12 +80,6 @@ impl Comfort {
         };
         let plan = jerks_mps3.iter().find_map(|jerk_mps3| stop(*jerk_mps3))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
-    }
-
-    /// Arc length of the first person ahead who begins to cross, metres.
-    fn first_hurried_m(&self, scene: &Scene<'_>) -> Option<f64> {
-        let hurried = scene.traffic.movers.iter().filter(|one| may_hurry(one)).map(|one| one.knots[0]);
-        hurried.filter(|at| at.to_m > scene.place.s_m).map(|at| at.from_m).min_by(f64::total_cmp)
     }
 
     /// Stop of an ego that has begun to move out of its lane and meets an oncoming vehicle: the gentlest steady braking
@@ -136,14 +130,19 @@ impl Comfort {
 
     /// True for a plan that swings over the line, starting from a swerve in the lane, while a person begins to cross.
     pub(super) fn swings_before_person(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
-        let Scene { request, place, traffic, .. } = *scene;
+        let Scene { request, place, .. } = *scene;
         let lane = self.lane(request);
-        let crosses = |one: &Mover| may_hurry(one) && one.knots[0].to_m > place.s_m;
-        if lane.is_over(place.s_m, place.d_m) || !traffic.movers.iter().any(crosses) {
+        if lane.is_over(place.s_m, place.d_m) || first_hurried_m(scene).is_none() {
             return false;
         }
         self.places(plan, place.s_m).any(|(_, [s_m, d_m])| lane.is_over(s_m, d_m))
     }
+}
+
+/// Arc length of the first person ahead who begins to cross, metres.
+fn first_hurried_m(scene: &Scene<'_>) -> Option<f64> {
+    let hurried = scene.traffic.movers.iter().filter(|one| may_hurry(one)).map(|one| one.knots[0]);
+    hurried.filter(|at| at.to_m > scene.place.s_m).map(|at| at.from_m).min_by(f64::total_cmp)
 }
 
 /// True for a person who has just begun to cross and may walk faster next.
