@@ -11,6 +11,7 @@
 mod block;
 mod creep;
 mod entry;
+mod merge;
 mod others;
 mod people;
 mod queue;
@@ -25,6 +26,7 @@ use swerve_msg::{ActorId, Decision, DrivingState, ExpectedStop, Signal, StopPoin
 use self::block::{Block, OnLane, RouteCrossing};
 use self::creep::Around;
 use self::entry::{Entry, Refusal, needed_mps2};
+use self::merge::{Adaption, Join};
 use self::others::{Others, REST_MPS, Vehicle};
 use self::state::Facts;
 use self::trust::Trust;
@@ -153,8 +155,7 @@ struct Course {
     lanes: Vec<OnLane>,
     blocks: Vec<(Block, Held)>,
     crossings: Vec<(RouteCrossing, Held)>,
-    /// Parts of the route on which it changes lanes.
-    changes_m: Vec<[f64; 2]>,
+    joins: Vec<Join>,
 }
 
 /// Obeys lights, signs, rights of way and crossings.
@@ -284,6 +285,22 @@ impl RuleBased {
         (rear_m - own.front_m < near_m).then_some((id, rear_m))
     }
 
+    /// The speed before the next change of lanes, unless the ego stops before it.
+    fn join(
+        &mut self,
+        own: Own,
+        decision: &Decision,
+        vehicles: &[Vehicle],
+        stop: Option<&Stop>,
+    ) -> Option<Adaption> {
+        let next = self.course.joins.iter_mut().find(|one| own.center_m < one.change.at_m)?;
+        if stop.is_some_and(|stop| stop.point.s_m < next.over_m) {
+            return None;
+        }
+        let free_mps = decision.speed_mps(own.center_m, self.params.brake_mps2).min(own.cruise_mps);
+        next.adapt(own, free_mps, vehicles, &self.params)
+    }
+
     /// Remembers the blocks and crossings of the newest route.
     fn take_route(&mut self, at: &Situation<'_>, roads: Roads<'_>) {
         if self.course.route == Some(at.number) {
@@ -295,8 +312,8 @@ impl RuleBased {
         let blocks = block::blocks(at.route, &lanes, roads, half_m).into_iter();
         let blocks = blocks.map(|block| (block, held)).collect();
         let crossings = block::crossings(at.route, roads).into_iter().map(|one| (one, held)).collect();
-        let changes_m = block::changes(at.route, roads.map);
-        self.course = Course { route: Some(at.number), lanes, blocks, crossings, changes_m };
+        let joins = merge::joins(at.route, &lanes, roads.map);
+        self.course = Course { route: Some(at.number), lanes, blocks, crossings, joins };
     }
 
     /// True if the condition holds for the memory of any block.
@@ -310,7 +327,7 @@ impl RuleBased {
         at: &Situation<'_>,
         own: Own,
         stops: &[Stop],
-        lead: Option<(ActorId, f64)>,
+        (lead, joins): (Option<(ActorId, f64)>, Option<Adaption>),
     ) -> (DrivingState, Option<ActorId>) {
         let rests_mps = if self.rests { CREEPS_MPS } else { REST_MPS };
         self.rests = own.speed_mps < rests_mps;
@@ -318,6 +335,10 @@ impl RuleBased {
         let lead =
             lead.filter(|(_, rear_m)| nearest.is_none_or(|nearest| *rear_m < nearest.point.s_m + PASSED_M));
         self.follows = lead.map(|(id, _)| id);
+        let changes = |one: &Join| {
+            let [from_m, to_m] = one.change.part_m;
+            (from_m..to_m).contains(&own.center_m)
+        };
         let facts = Facts {
             stop: nearest.map(|nearest| nearest.point.cause),
             rests: self.rests,
@@ -325,13 +346,15 @@ impl RuleBased {
             has_lead: lead.is_some(),
             is_in_junction: at.route.to_junction_m(own.center_m) == 0.0,
             brakes_hard: at.ego.accel_mps2 < -EMERGENCY_MPS2,
-            changes_lane: self.course.changes_m.iter().any(|[from, to]| (*from..*to).contains(&own.center_m)),
+            joins: joins.is_some(),
+            changes_lane: self.course.joins.iter().any(changes),
             is_over_line: at.place.d_m + 0.5 * at.shape.width_m
                 > at.route.lane().left_m(at.place.s_m) + OVER_LINE_M,
         };
         let state = state::next(facts);
         let because = match state {
             DrivingState::Follow => self.follows,
+            DrivingState::Merge => joins.and_then(|joins| joins.behind),
             _ => nearest.and_then(|nearest| nearest.who.first().copied()),
         };
         (state, because)
@@ -431,7 +454,16 @@ impl BehaviourPlanner for RuleBased {
             stops.extend(more);
             stops.extend(self.pass_crossings(at, (roads, own)));
             stops.sort_by(|a, b| a.point.s_m.total_cmp(&b.point.s_m));
-            let (state, because) = self.state(at, own, &stops, lead);
+            let joins = self.join(own, &decision, &vehicles, stops.first());
+            if let Some(Adaption { speed_mps, until_m, behind }) = joins {
+                decision.limits = creep::slow(&decision.limits, [at.place.s_m, until_m], speed_mps);
+                if speed_mps < CREEPS_MPS {
+                    let s_m = (until_m + own.half_m).max(own.front_m);
+                    let point = StopPoint { s_m, cause: StopReason::GiveWay };
+                    stops.insert(0, Stop { point, who: behind.into_iter().collect() });
+                }
+            }
+            let (state, because) = self.state(at, own, &stops, (lead, joins));
             (decision.state, decision.because) = (Some(state), because);
         }
         let gives_way = stops.iter().filter(|stop| stop.point.cause == StopReason::GiveWay);

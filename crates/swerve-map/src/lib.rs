@@ -46,6 +46,6 @@ pub use junction::{Junction, JunctionId, RightOfWay};
 pub use lane::{Lane, LaneId, LaneKind, Neighbour};
 pub use map::{LanePath, LanePlace, Map, MapError};
 pub use mark::{LaneMarks, MARK_WIDTH_M, Mark, MarkColour, MarkError, MarkKind, Side};
-pub use route::{CHANGE_LENGTH_M, Route, RouteError, Stretch};
+pub use route::{LaneChange, Route, RouteError, Stretch};
 pub use signal::{Aspect, ProgramError, Signal, SignalId, SignalPhase, SignalProgram};
 pub use stop_line::{StopLine, StopSign};

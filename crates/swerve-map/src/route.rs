@@ -8,8 +8,6 @@ use crate::{Border, Borders, Lane, LaneId, Map, Neighbour, Side, Signal, Station
 
 mod over;
 
-pub use over::CHANGE_LENGTH_M;
-
 /// Distance before the end of a lane at which traffic stops if its signal has no stop line, metres.
 const BEFORE_END_M: f64 = 1.0;
 
@@ -42,6 +40,19 @@ pub struct Stretch {
     pub speed_limit_mps: Option<f64>,
     /// True if the lane is inside a junction.
     pub in_junction: bool,
+}
+
+/// A change of a route from one lane to the next one beside it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct LaneChange {
+    /// The lane before.
+    pub from: LaneId,
+    /// The lane after.
+    pub to: LaneId,
+    /// Arc length from which the route is nearer to the lane after, metres.
+    pub at_m: f64,
+    /// Arc lengths between which the route moves from one lane to the other, at least, metres.
+    pub part_m: [f64; 2],
 }
 
 /// Error of constructing a route from lanes.
@@ -105,7 +116,7 @@ impl Route {
     /// there are any: those that turn least. Also gives the arc lengths of the way's start and destination on it.
     ///
     /// It begins where the first lane begins. A change to a lane beside it is a smooth move over 3 s at the speed limit, or
-    /// at `speed_mps` if that is lower, and over at least [`CHANGE_LENGTH_M`], or as much as there is of the road on which
+    /// at `speed_mps` if that is lower, and over at least 60 m, or as much as there is of the road on which
     /// the two are side by side; both are the ego's lane there. Inside
     /// junctions, the lanes that lie beside each other without a gap are drivable ground, whatever their direction.
     ///
@@ -166,6 +177,17 @@ impl Route {
     pub fn stretches_from(&self, s_m: f64) -> &[Stretch] {
         let next = self.stretches.partition_point(|x| x.begin_m <= s_m);
         &self.stretches[next.max(1) - 1..]
+    }
+
+    /// Changes of lanes in order; `map` is that of the route.
+    pub fn lane_changes(&self, map: &Map) -> Vec<LaneChange> {
+        let change = |two: &[Stretch]| {
+            let (from, to, at_m) = (map.lane(two[0].lane)?, two[1].lane, two[1].begin_m);
+            let half_m = 0.5 * over::change_length_m(from.speed_limit_mps.unwrap_or(0.0));
+            let part_m = [at_m - half_m, at_m + half_m];
+            (!from.successors.contains(&to)).then_some(LaneChange { from: from.id, to, at_m, part_m })
+        };
+        self.stretches.windows(2).filter_map(change).collect()
     }
 
     /// Distance from arc length `s_m` to the next junction, metres: zero inside one, infinite if none follows.

@@ -75,6 +75,8 @@ pub enum DrivingState {
     InJunction,
     /// Before a crossing that a pedestrian uses.
     WaitForPedestrian,
+    /// Slower, for a gap in the lane that it changes to.
+    Merge,
     /// From one lane of the route to the next.
     LaneChange,
     /// Over the line of its lane, past something.
@@ -98,6 +100,7 @@ impl DrivingState {
             Self::WaitForRoom => "waits for room",
             Self::InJunction => "drives through a junction",
             Self::WaitForPedestrian => "stops for a pedestrian",
+            Self::Merge => "merges",
             Self::LaneChange => "changes lane",
             Self::Overtake => "overtakes",
             Self::EmergencyStop => "brakes hard",
@@ -110,6 +113,7 @@ impl DrivingState {
             (state, None) => state.words().to_owned(),
             (Self::Follow, Some(who)) => format!("follows {who}"),
             (Self::GiveWay, Some(who)) => format!("gives way to {who}"),
+            (Self::Merge, Some(who)) => format!("merges behind {who}"),
             (Self::WaitForPedestrian, Some(who)) => format!("stops for {who}"),
             (state, Some(who)) => format!("{}, because of {who}", state.words()),
         }
@@ -221,6 +225,7 @@ mod tests {
             (DrivingState::Follow, "follows", "follows van"),
             (DrivingState::GiveWay, "gives way", "gives way to van"),
             (DrivingState::WaitForGap, "waits for a gap", "waits for a gap, because of van"),
+            (DrivingState::Merge, "merges", "merges behind van"),
             (DrivingState::WaitForPedestrian, "stops for a pedestrian", "stops for van"),
         ] {
             assert_eq!(words(state), (alone.to_owned(), named.to_owned()));

@@ -13,6 +13,7 @@ use swerve_msg::{EgoState, Plan};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::collision::{CollisionMode, Obstacles};
+use crate::cut_in::with_gaps;
 use crate::fot::{self, Fot};
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::traffic::without_followers;
@@ -194,8 +195,9 @@ impl Planner for Comfort {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let mut counted = Counted::new(budget);
         let Request { route, start, shape, .. } = *request;
-        let (predictions, follower) =
-            without_followers(request.predictions, (route, request.place(), shape), start.speed_mps);
+        let ego = (route, request.place(), shape);
+        let (predictions, follower) = without_followers(request.predictions, ego, start.speed_mps);
+        let predictions = with_gaps(predictions, ego, start.speed_mps);
         let request = &Request { predictions: &predictions, ..*request };
         let comfortable = self.comfortable(request, follower, &mut counted);
         let plan = comfortable.unwrap_or_else(|| self.planner.plan(request, &mut counted));

@@ -9,6 +9,7 @@ pub mod aeb;
 pub mod brake;
 pub mod collision;
 pub mod comfort;
+mod cut_in;
 pub mod deadline;
 pub mod fallback;
 mod following;

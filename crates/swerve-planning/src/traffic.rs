@@ -7,6 +7,7 @@ use swerve_geom::{FrenetPoint, Point2, Pose2, angle_between, math};
 use swerve_msg::{ActorKind, Plan, PredictedPose, Prediction, Route};
 use swerve_vehicle::Shape;
 
+use crate::cut_in::with_gaps;
 use crate::fot::line::Line;
 use crate::request::{Budget, Planner, Request};
 
@@ -129,14 +130,15 @@ pub(crate) fn without_followers<'a>(
     }
 }
 
-/// A planner that does not brake for road users behind the ego in its own lane.
+/// A planner that does not brake for road users behind the ego in its own lane, and does not change right before others.
 pub struct Ahead(pub Box<dyn Planner>);
 
 impl Planner for Ahead {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let Request { route, start, shape, .. } = *request;
-        let (predictions, _) =
-            without_followers(request.predictions, (route, request.place(), shape), start.speed_mps);
+        let ego = (route, request.place(), shape);
+        let (predictions, _) = without_followers(request.predictions, ego, start.speed_mps);
+        let predictions = with_gaps(predictions, ego, start.speed_mps);
         self.0.plan(&Request { predictions: &predictions, ..*request }, budget)
     }
 }

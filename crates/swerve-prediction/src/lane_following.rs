@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_geom::{Point2, Vector2, angle_between};
-use swerve_map::{Lane, LaneId, Map, Side};
+use swerve_map::{Lane, LaneChange, LaneId, Map, Side};
 use swerve_msg::{ActorKind, PredictionList, Route, Track, TrackList};
 
 use crate::road::{place_of, share_along};
@@ -24,7 +24,8 @@ const BEND_M: f64 = 10.0;
 /// Prediction of vehicles along the lanes of a map, from the lane that they are on.
 ///
 /// Vehicles on lanes of the ego's route, or on lanes of the same direction beside them, follow the route; so do those
-/// along it that are on no lane of their direction, such as one that overtakes. All others follow their own lane. A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
+/// along it that are on no lane of their direction, such as one that overtakes. Where the route changes lanes, only those
+/// follow it whose lane ends; all others follow their own lane. A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
 /// before: straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is
 /// nearest to that of the vehicle.
 #[derive(Clone, Debug)]
@@ -50,8 +51,12 @@ impl LaneFollowing {
         ego: &Route,
     ) -> PredictionList {
         let (mut together, mut open, mut own) = (Vec::new(), Vec::new(), Vec::new());
+        let changes = ego.lane_changes(&self.map);
         for track in &tracks.tracks {
             match self.lane_of(track) {
+                Some(lane) if self.stays(&changes, (lane, track), horizon, ego) => {
+                    own.push((lane, track.clone()))
+                }
                 Some(lane) if !self.is_of(ego, lane) => own.push((lane, track.clone())),
                 _ if is_along(ego, track) => together.push(track.clone()),
                 Some(lane) => own.push((lane, track.clone())),
@@ -105,6 +110,27 @@ impl LaneFollowing {
         let beside = [Side::Left, Side::Right].into_iter().flat_map(|side| self.beside(at, side));
         let mut same = core::iter::once(lane).chain(beside);
         same.any(|lane| route.stretches().iter().any(|stretch| stretch.lane == lane))
+    }
+
+    /// True if the ego's route changes lanes within the way of a vehicle, and its own lane goes on for that long.
+    fn stays(
+        &mut self,
+        changes: &[LaneChange],
+        (lane, track): (LaneId, &Track),
+        horizon: &Horizon,
+        ego: &Route,
+    ) -> bool {
+        if changes.is_empty() {
+            return false;
+        }
+        let way_m = track.velocity_mps.norm() * horizon.steps as f64 * horizon.step.as_secs();
+        let s_m = place_of(ego, track.pose.point(), track.velocity_mps).s_m;
+        let is_near = |change: &LaneChange| s_m < change.part_m[1] && change.part_m[0] < s_m + way_m;
+        let goes_on = |own: &Route| {
+            let begin_m = place_of(own, track.pose.point(), track.velocity_mps).s_m;
+            begin_m + way_m < own.line().length()
+        };
+        changes.iter().any(is_near) && self.way(lane).is_some_and(goes_on)
     }
 
     /// Lanes of the same direction to one side of a lane.

@@ -4,7 +4,7 @@ use core::f64::consts::PI;
 
 use swerve_geom::{Polyline, angle_between};
 use swerve_map::conflict::{Meeting, Zone};
-use swerve_map::{CHANGE_LENGTH_M, Lane, LaneId, LaneKind, Map, Route, StopSign, Stretch};
+use swerve_map::{Lane, LaneId, LaneKind, Map, Route, StopSign, Stretch};
 
 use crate::Roads;
 
@@ -23,8 +23,6 @@ const OTHERS_LATERAL_MPS2: f64 = 4.0;
 /// Smallest speed in bends, m/s, and the interval of samples, metres.
 const BEND_MIN_MPS: f64 = 2.0;
 const STEP_M: f64 = 2.0;
-/// Time that a change to the next lane takes, seconds.
-const CHANGE_S: f64 = 3.0;
 /// Smallest angle between oncoming lanes, radians.
 const ONCOMING_RAD: f64 = 0.75 * PI;
 
@@ -76,17 +74,6 @@ pub(super) struct OnLane {
     pub(super) to_m: f64,
     /// Arc length along the route less that along the lane, metres.
     pub(super) offset_m: f64,
-}
-
-/// Parts of a route on which it changes from a lane to the next one beside it.
-pub(super) fn changes(route: &Route, map: &Map) -> Vec<[f64; 2]> {
-    let change = |two: &[Stretch]| {
-        let lane = map.lane(two[0].lane)?;
-        let half_m = 0.5 * CHANGE_LENGTH_M.max(CHANGE_S * lane.speed_limit_mps.unwrap_or(0.0));
-        let at_m = two[1].begin_m;
-        (!lane.successors.contains(&two[1].lane)).then_some([at_m - half_m, at_m + half_m])
-    };
-    route.stretches().windows(2).filter_map(change).collect()
 }
 
 /// Lanes of a route in order.

@@ -66,6 +66,11 @@ impl Vehicle {
         found.ok().map(|index| &self.reaches[index])
     }
 
+    /// Place of its centre on a lane, metres; `None` if it is not there.
+    pub(super) fn on_m(&self, lane: LaneId) -> Option<f64> {
+        self.reach(lane).filter(|reach| reach.to_m <= 0.0).map(|reach| -reach.to_m)
+    }
+
     /// Deceleration with which the vehicle stops within a distance, m/s². One that speeds up goes on with it at first.
     pub(super) fn needed_mps2(&self, within_m: f64) -> f64 {
         let goes_on_s = GOES_ON_S * (self.gain_mps2 / SPEEDS_UP_MPS2).clamp(0.0, 1.0);

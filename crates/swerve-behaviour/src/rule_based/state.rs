@@ -17,6 +17,8 @@ pub(super) struct Facts {
     pub(super) is_in_junction: bool,
     /// True if it brakes harder than a careful driver ever has to.
     pub(super) brakes_hard: bool,
+    /// True if it adapts its speed to the traffic of the lane that it changes to.
+    pub(super) joins: bool,
     /// True if its way leads from one lane to the next.
     pub(super) changes_lane: bool,
     /// True if it is over the line of its lane elsewhere.
@@ -31,6 +33,7 @@ pub(super) fn next(facts: Facts) -> DrivingState {
         _ if facts.brakes_hard => EmergencyStop,
         _ if facts.is_over_line && !rests && !is_in_junction => Overtake,
         (Some(Stop::Crossing), ..) => WaitForPedestrian,
+        (None, false, ..) if facts.joins => Merge,
         (None, false, ..) if facts.changes_lane => LaneChange,
         (_, _, true, false) => Follow,
         (Some(Stop::TrafficLight), false, ..) => ApproachLight,
@@ -80,6 +83,7 @@ mod tests {
             (over(false), Overtake),
             (over(true), InJunction),
             (change(None), LaneChange),
+            (Facts { joins: true, ..change(None) }, Merge),
             (change(Some(StopReason::TrafficLight)), Follow),
         ] {
             assert_eq!(next(facts), state, "{facts:?}");

@@ -1,6 +1,7 @@
 mod among_traffic;
 mod creep;
 mod drive;
+mod merge;
 mod posed;
 mod property;
 mod trust;

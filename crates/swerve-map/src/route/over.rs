@@ -7,7 +7,7 @@ use crate::router::{Step, Way};
 use crate::{Border, Borders, Lane, LaneKind, Map, Side, Station};
 
 /// Least length of the move to a lane beside, metres.
-pub const CHANGE_LENGTH_M: f64 = 60.0;
+const CHANGE_LENGTH_M: f64 = 60.0;
 
 /// Time of the move, seconds: a lateral acceleration of 2.2 m/s² over a width of 3.5 m.
 const CHANGE_S: f64 = 3.0;
@@ -201,6 +201,11 @@ impl Pair<'_> {
     }
 }
 
+/// Length of a change at a speed, metres.
+pub(super) fn change_length_m(speed_mps: f64) -> f64 {
+    CHANGE_LENGTH_M.max(CHANGE_S * speed_mps)
+}
+
 /// A move from lane to lane over rows of both.
 struct Change<'m> {
     rows: Vec<Pair<'m>>,
@@ -218,7 +223,7 @@ impl<'m> Change<'m> {
         let limit_mps = |lane: &Lane| lane.speed_limit_mps.map_or(speed_mps, |limit| limit.min(speed_mps));
         let lanes = rows.iter().flat_map(|row| [row.from, row.to]);
         let fastest_mps = lanes.map(limit_mps).fold(0.0, f64::max);
-        let over_m = CHANGE_LENGTH_M.max(CHANGE_S * fastest_mps);
+        let over_m = change_length_m(fastest_mps);
         let at = |rows, begin_m: f64| Self { rows, begin_m, over_m: over_m.min(length_m - begin_m) };
         let mut change = at(rows, from_m);
         while change.begin_m + over_m <= length_m {

@@ -1,6 +1,7 @@
 use swerve_core::{Span, Time};
 use swerve_geom::{Polyline, Pose2, math};
-use swerve_map::Borders;
+use swerve_map::router::{self, Stop};
+use swerve_map::{Borders, Neighbour};
 use swerve_msg::{ActorId, Extent};
 
 use super::*;
@@ -107,4 +108,41 @@ fn oncoming_car_keeps_its_lane_where_the_route_of_the_ego_turns() {
     // A car ahead on the ego's lanes turns with them.
     let end = beside(&ego, &map, (-10.0, -2.0), (8.0, 0.0))[20];
     assert!((end.x_m - 10.0).abs() < 1.0 && end.y_m < -12.0, "{end:?}");
+}
+
+#[test]
+fn cars_keep_their_lanes_where_the_route_of_the_ego_changes_lanes() {
+    // Two lanes to the east, 4 m apart; the right one ends after 200 m if it is an entry.
+    let beside = |lane| Some(Neighbour { lane: LaneId(lane), opposite: false });
+    let two_lanes = |is_entry: bool| {
+        let right = Lane {
+            left: beside(1),
+            speed_limit_mps: Some(20.0),
+            ..lane(0, &[(0.0, -4.0), (200.0, -4.0)], if is_entry { &[] } else { &[2] })
+        };
+        let left = Lane {
+            right: beside(0),
+            speed_limit_mps: Some(20.0),
+            ..lane(1, &[(0.0, 0.0), (200.0, 0.0)], &[3])
+        };
+        let mut lanes = vec![right, left, lane(3, &[(200.0, 0.0), (600.0, 0.0)], &[])];
+        if !is_entry {
+            lanes.push(lane(2, &[(200.0, -4.0), (600.0, -4.0)], &[]));
+        }
+        Arc::new(Map::new(lanes).unwrap())
+    };
+    let end_y_m = |is_entry, (x_m, y_m)| {
+        let map = two_lanes(is_entry);
+        let [from, to] = [(0, 0.0), (3, 300.0)].map(|(lane, s_m)| Stop { lane: LaneId(lane), s_m });
+        let way = router::find(&map, from, to, &[]).unwrap();
+        let ego = Route::over(&map, &way, 50.0, 20.0).unwrap().0;
+        assert_eq!(ego.lane_changes(&map).len(), 1);
+        super::tests::beside(&ego, &map, (x_m, y_m), (20.0, 0.0))[20].y_m
+    };
+    for x_m in [2.0, 20.0, 60.0, 100.0] {
+        assert!(end_y_m(true, (x_m, 0.0)).abs() < 0.1, "in the left lane, {x_m}");
+        assert!((end_y_m(false, (x_m, -4.0)) + 4.0).abs() < 0.1, "in the right lane, {x_m}");
+    }
+    // On an entry that ends within 4 s, a car changes as the route does.
+    assert!(end_y_m(true, (150.0, -4.0)).abs() < 4.1);
 }

@@ -40,7 +40,7 @@ impl Group {
             | State::StopSign
             | State::WaitForRoom
             | State::WaitForPedestrian => Self::Waits,
-            State::LaneChange | State::Overtake => Self::Moves,
+            State::Merge | State::LaneChange | State::Overtake => Self::Moves,
             State::EmergencyStop => Self::Emergency,
         }
     }

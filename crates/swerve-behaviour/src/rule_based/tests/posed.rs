@@ -32,6 +32,8 @@ pub(super) struct Posed {
     /// Arc length of the ego's front, and its speed.
     pub(super) front_m: f64,
     pub(super) speed_mps: f64,
+    /// Speed on a free road, m/s.
+    pub(super) cruise_mps: f64,
 }
 
 /// Pose on the right-hand lane of an arm of a crossing around the origin: traffic drives in with a heading of
@@ -77,6 +79,7 @@ impl Posed {
             lights: None,
             front_m: 0.0,
             speed_mps: 0.0,
+            cruise_mps: 10.0,
         }
     }
 
@@ -153,7 +156,7 @@ impl Posed {
             number: 1,
             place: swerve_geom::FrenetPoint { s_m, d_m: 0.0 },
             roads: Some(Roads { map: &self.map, conflicts: &self.conflicts }),
-            cruise_mps: 10.0,
+            cruise_mps: self.cruise_mps,
             predictions: &self.others,
             lights: self.lights.as_ref(),
             shape: &shape,

@@ -1,0 +1,170 @@
+//! Changes to the next lane among its traffic.
+//!
+//! The route tells where the ego changes. It takes the first gap of the other lane that it can reach without being faster
+//! than it would be anyway, and adapts its speed before. A gap is accepted by its two parts, the one to the vehicle ahead
+//! and the one to that behind (Ahmed, Modeling Drivers' Acceleration and Lane Changing Behavior, 1999, section 3.3).
+
+use swerve_map::{LaneChange, LaneId, Map, Route};
+use swerve_msg::ActorId;
+use swerve_road_user::travel::time_s;
+
+use super::block::OnLane;
+use super::others::Vehicle;
+use super::{Own, RuleBasedParams};
+
+/// Distance beside the middle of its lane at which the ego begins to get into the way of the other lane, and the interval
+/// of samples, metres.
+const ASIDE_M: f64 = 0.2;
+const SAMPLE_M: f64 = 1.0;
+/// Distance over which the other lane is looked at behind the change, metres.
+const BEHIND_M: f64 = 250.0;
+/// Distance to the vehicles ahead and behind at that place, metres, and the time gaps to them, seconds.
+const GAP_M: f64 = 2.0;
+const AHEAD_S: f64 = 0.5;
+const BEHIND_S: f64 = 0.6;
+/// Share of that behind that suffices for the gap that the ego adapts to.
+const KEEPS_SHARE: f64 = 0.7;
+/// Decelerations with which the ego and those behind it adapt to the slower one, m/s².
+const ADAPTS_MPS2: f64 = 2.0;
+const IMPOSED_MPS2: f64 = 2.0;
+/// Speed below which vehicles queue, m/s: there are no gaps to wait for.
+const QUEUE_MPS: f64 = 4.0;
+/// Delay from which the ego begins to adapt its speed, seconds, and the largest step in which it does so, m/s.
+const LATE_S: f64 = 0.1;
+const STEP_MPS: f64 = 1.5;
+/// Time in which it closes a larger distance to the vehicle ahead, seconds.
+const CLOSES_S: f64 = 3.0;
+
+/// A change of lanes, and the traffic of the lane after it.
+#[derive(Clone, Debug)]
+pub(super) struct Join {
+    pub(super) change: LaneChange,
+    /// Place of the ego's centre at which it gets into the way of that lane, metres.
+    pub(super) over_m: f64,
+    /// That lane and those that lead to it, each with the arc length along the route less that along the lane, metres.
+    lanes: Vec<(LaneId, f64)>,
+    /// Vehicles ahead and behind the gap that the ego adapts to.
+    gap: Option<Gap>,
+    /// True if it is slower for it.
+    is_slower: bool,
+}
+
+/// A gap between two vehicles; `None` where there is nobody.
+type Gap = [Option<ActorId>; 2];
+
+/// Speed before a change, because of the vehicle behind which the ego joins its lane.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Adaption {
+    pub(super) speed_mps: f64,
+    /// Place of the ego's centre up to which it has that speed, metres.
+    pub(super) until_m: f64,
+    pub(super) behind: Option<ActorId>,
+}
+
+/// The changes of a route over lanes.
+pub(super) fn joins(route: &Route, lanes: &[OnLane], map: &Map) -> Vec<Join> {
+    let join = |change: LaneChange| {
+        let LaneChange { from, to, at_m, .. } = change;
+        let from = map.lane(from)?;
+        let on = lanes.iter().find(|on| on.lane == to && on.from_m == at_m)?;
+        let is_aside = |s_m: &f64| from.line.project(route.line().at(*s_m).pose.point()).d_m.abs() > ASIDE_M;
+        let before_m = (0..).map(|k| at_m - SAMPLE_M * f64::from(k)).take_while(|s_m| *s_m > 0.0);
+        let over_m = before_m.take_while(is_aside).last().unwrap_or(at_m);
+        Some(Join { change, over_m, lanes: leading_to(map, to, on.offset_m), gap: None, is_slower: false })
+    };
+    route.lane_changes(map).into_iter().filter_map(join).collect()
+}
+
+impl Join {
+    /// Adapts to the first gap that the ego can reach; `None` if it does not have to be slower than `free_mps` for it.
+    pub(super) fn adapt(
+        &mut self,
+        own: Own,
+        free_mps: f64,
+        vehicles: &[Vehicle],
+        params: &RuleBasedParams,
+    ) -> Option<Adaption> {
+        let to_m = self.over_m - own.center_m;
+        // What comes into view stays in view.
+        if to_m > own.view_m() && self.gap.is_none() {
+            return None;
+        }
+        let moves = vehicles.iter().filter(|other| other.speed_mps > QUEUE_MPS);
+        let mut beside: Vec<(f64, &Vehicle)> =
+            moves.filter_map(|other| Some((self.place_m(other)?, other))).collect();
+        beside.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.id.cmp(&b.1.id)));
+        if to_m <= 0.0 {
+            return self.behind(own, free_mps, &beside);
+        }
+        let free_s = time_s(to_m, own.speed_mps, free_mps, params.gain_mps2);
+        let most_mps = (own.speed_mps * own.speed_mps + 2.0 * params.gain_mps2 * to_m).sqrt();
+        let joins_mps = free_mps.min(most_mps);
+        let mut gaps = (0..=beside.len()).map(|k| {
+            let (ahead, behind) = (k.checked_sub(1).map(|k| beside[k]), beside.get(k).copied());
+            let gap = [ahead, behind].map(|one| one.map(|(_, other)| other.id));
+            let at_s = ahead.map_or(free_s, |(s_m, other)| {
+                let faster_mps = (joins_mps - other.speed_mps).max(0.0);
+                let adapts_m = faster_mps * faster_mps / (2.0 * ADAPTS_MPS2);
+                let is_at_m = self.over_m + own.half_m + other.half_m + ahead_m(other) + adapts_m;
+                free_s.max((is_at_m - s_m) / other.speed_mps)
+            });
+            let speed_mps = if at_s > free_s { to_m / at_s } else { joins_mps };
+            let share = if self.gap == Some(gap) { KEEPS_SHARE } else { 1.0 };
+            let fits = behind.is_none_or(|(s_m, other)| {
+                let faster_mps = (other.speed_mps - speed_mps).max(0.0);
+                let adapts_m = faster_mps * faster_mps / (2.0 * (IMPOSED_MPS2 + params.gain_mps2));
+                let gap_m = GAP_M + BEHIND_S * other.speed_mps + adapts_m;
+                s_m + other.speed_mps * at_s + other.half_m + share * gap_m <= self.over_m - own.half_m
+            });
+            (gap, at_s, fits)
+        });
+        // Behind the last one in sight there is room.
+        let (gap, at_s, _) = gaps.find(|(.., fits)| *fits)?;
+        drop(gaps);
+        self.gap = Some(gap);
+        let speed_mps = (to_m / at_s).max(own.speed_mps - STEP_MPS);
+        self.is_slower = at_s > free_s + if self.is_slower { 0.0 } else { LATE_S };
+        self.is_slower.then_some(Adaption { speed_mps, until_m: self.over_m, behind: gap[0] })
+    }
+
+    /// Keeps the ego behind the vehicle ahead of its gap while it changes.
+    fn behind(&self, own: Own, free_mps: f64, beside: &[(f64, &Vehicle)]) -> Option<Adaption> {
+        let id = self.gap?[0]?;
+        let (s_m, other) = beside.iter().find(|(_, other)| other.id == id)?;
+        let spare_m = s_m - other.half_m - own.front_m - ahead_m(other);
+        let speed_mps = (other.speed_mps + spare_m / CLOSES_S).max(own.speed_mps - STEP_MPS);
+        (speed_mps < free_mps).then_some(Adaption { speed_mps, until_m: self.change.at_m, behind: Some(id) })
+    }
+
+    /// Place along the route of the centre of a vehicle that is on the other lane or comes to it, metres.
+    fn place_m(&self, other: &Vehicle) -> Option<f64> {
+        match other.route_m {
+            Some(s_m) => (s_m >= self.change.at_m).then_some(s_m),
+            None => self.lanes.iter().find_map(|(lane, offset_m)| Some(offset_m + other.on_m(*lane)?)),
+        }
+    }
+}
+
+/// Distance that the ego keeps behind a vehicle of the other lane, metres.
+fn ahead_m(other: &Vehicle) -> f64 {
+    GAP_M + AHEAD_S * other.speed_mps
+}
+
+/// A lane and those that lead to it, each with the difference of arc lengths to a route.
+fn leading_to(map: &Map, lane: LaneId, offset_m: f64) -> Vec<(LaneId, f64)> {
+    let mut found = vec![(lane, offset_m)];
+    let mut next = 0;
+    while let Some(&(lane, begin_m)) = found.get(next) {
+        next += 1;
+        if offset_m - begin_m > BEHIND_M {
+            continue;
+        }
+        for before in map.predecessors(lane) {
+            let Some(length_m) = map.lane(*before).map(|lane| lane.line.length()) else { continue };
+            if found.iter().all(|(known, _)| known != before) {
+                found.push((*before, begin_m - length_m));
+            }
+        }
+    }
+    found
+}
