@@ -46,6 +46,8 @@ class DrivingState(str, Enum):
     """In a junction."""
     WAIT_FOR_PEDESTRIAN = "wait_for_pedestrian"
     """Before a crossing that a pedestrian uses."""
+    MERGE = "merge"
+    """Slower, for a gap in the lane that it changes to."""
     LANE_CHANGE = "lane_change"
     """From one lane of the route to the next."""
     OVERTAKE = "overtake"

@@ -25,6 +25,7 @@ struct Car {
     front_s_m: f64,
     length_m: f64,
     speed_mps: f64,
+    accel_mps2: f64,
     brake_max_mps2: f64,
 }
 
@@ -53,6 +54,7 @@ impl LightStops {
                 front_s_m: at.front_s_m(),
                 length_m: at.shape.length_m,
                 speed_mps: at.ego.speed_mps,
+                accel_mps2: at.ego.accel_mps2,
                 brake_max_mps2: at.limits.brake_max_mps2,
             };
             self.hold(lights, car);
@@ -128,7 +130,7 @@ impl LightStops {
     /// past the line in the least time that a light is yellow, and full braking suffices. So there is no position from
     /// which the ego can neither stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
     fn stops_at_yellow(&self, line_s_m: f64, stamp: Time, car: Car) -> bool {
-        let Car { front_s_m, length_m, speed_mps, brake_max_mps2 } = car;
+        let Car { front_s_m, length_m, speed_mps, accel_mps2, brake_max_mps2 } = car;
         let ahead_m = line_s_m - front_s_m;
         let over_m = ahead_m + length_m + BEHIND_M;
         let FollowRouteParams { brake_mps2, reaction_s } = self.params;
@@ -137,10 +139,13 @@ impl LightStops {
         }
         let since =
             self.yellow.iter().find(|(known, _)| *known == line_s_m).map_or(stamp, |(_, since)| *since);
-        // The reserve does not cause hard braking after a decision to go on.
-        let early_s = if since == stamp { EARLY_S } else { 0.0 };
+        // The reserve does not cause hard braking after a decision to go on. Neither does an ego that slows down for
+        // something else; at first, it is expected to go on with that.
+        let is_first = since == stamp;
+        let (early_s, gain_mps2) = if is_first { (EARLY_S, accel_mps2.min(0.0)) } else { (0.0, 0.0) };
         let left_s = YELLOW_MIN_S - early_s - (stamp - since).as_secs();
-        speed_mps * left_s < over_m && way_m(speed_mps, brake_max_mps2) < ahead_m
+        let mean_mps = (speed_mps + 0.5 * gain_mps2 * left_s).max(0.0);
+        mean_mps * left_s < over_m && way_m(speed_mps, brake_max_mps2) < ahead_m
     }
 }
 

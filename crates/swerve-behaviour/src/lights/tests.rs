@@ -10,7 +10,8 @@ fn full_mps2() -> f64 {
 
 fn hold(lines: &mut LightStops, lights: &TrafficLights, [front_s_m, speed_mps]: [f64; 2]) {
     let length_m = Shape::default().length_m;
-    lines.hold(lights, Car { front_s_m, length_m, speed_mps, brake_max_mps2: full_mps2() });
+    let car = Car { front_s_m, length_m, speed_mps, accel_mps2: 0.0, brake_max_mps2: full_mps2() };
+    lines.hold(lights, car);
 }
 
 /// One light with its line at 300 m.
@@ -49,6 +50,23 @@ fn ego_always_stops_or_passes_at_yellow() {
             assert!(passes || stops_at_yellow(speed_mps, ahead_m), "{speed_mps} m/s {ahead_m} m");
         }
     }
+}
+
+#[test]
+fn ego_that_slows_down_for_a_turn_stops_at_yellow_earlier() {
+    // From 8.6 m/s, 2.75 s are 23.7 m, and 20.6 m with 0.8 m/s². The tail is a metre past the line 5.93 m behind it.
+    let stops = |accel_mps2, ahead_m: f64| {
+        let mut lines = LightStops::new(FollowRouteParams::default());
+        let (length_m, brake_max_mps2) = (Shape::default().length_m, full_mps2());
+        let front_s_m = 300.0 - ahead_m;
+        lines.hold(
+            &shows(0, Signal::Yellow),
+            Car { front_s_m, length_m, speed_mps: 8.6, accel_mps2, brake_max_mps2 },
+        );
+        !lines.held.is_empty()
+    };
+    assert_eq!([-0.8, 0.0, 0.8].map(|accel_mps2| stops(accel_mps2, 15.0)), [true, false, false]);
+    assert!(!stops(-0.8, 14.0));
 }
 
 #[test]
