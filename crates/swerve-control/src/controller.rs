@@ -13,6 +13,7 @@ use swerve_geom::{FrenetPoint, LineTracker, Pose2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
+use crate::grip::Grip;
 use crate::lateral::{self, OnPath};
 use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
@@ -117,6 +118,7 @@ pub struct LawController {
     steering_rad: f64,
     accel_mps2: f64,
     rise: Rise,
+    grip: Grip,
     mpc: Option<Predictive>,
     /// Tracker of the ego's place along the route, with its arc length, metres.
     place: LineTracker,
@@ -156,6 +158,7 @@ impl LawController {
             steering_rad: 0.0,
             accel_mps2: 0.0,
             rise: Rise::default(),
+            grip: Grip::new(params.grip),
             place: LineTracker::default(),
             route_m: 0.0,
         }
@@ -438,6 +441,7 @@ impl Controller for LawController {
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
         self.rise.advance(&self.params.comfort_accel, &ego, self.accel_mps2, dt_s);
+        self.grip.advance(is_known.then_some(&ego), &self.params.slip, self.shape.wheelbase_m, dt_s);
         let status = self.load(input, is_seen);
         let here = self.here(input, status);
         let mut report = None;
@@ -498,6 +502,8 @@ fn plan_is_finite(plan: &Plan) -> bool {
     })
 }
 
+#[cfg(test)]
+mod grip_tests;
 #[cfg(test)]
 mod slip_tests;
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod allocations;
 #[cfg(test)]
 mod bicycle;
 mod controller;
+mod grip;
 pub mod lateral;
 pub mod mpc;
 pub mod pedals;
@@ -27,5 +28,6 @@ pub use controller::{
     AlongParams, ComfortAccelParams, Controller, Following, Input, Law, LawController, Output, Params,
     Status, StopParams, StopReason,
 };
+pub use grip::GripParams;
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
 pub use slip::SlipParams;

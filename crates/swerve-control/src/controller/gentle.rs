@@ -1,4 +1,4 @@
-//! Limits of the acceleration on plans.
+//! Limits of the commanded acceleration.
 
 use swerve_msg::{EgoState, PlanStatus};
 
@@ -40,15 +40,16 @@ impl Rise {
 }
 
 impl LawController {
-    /// Largest acceleration to command where the plan has `planned_mps2`, m/s²; infinite without a plan.
+    /// Largest acceleration to command where the plan has `planned_mps2`, m/s²; without a plan only grip bounds it.
     pub(super) fn accel_most_mps2(&self, input: &Input<'_>, status: Status, planned_mps2: f64) -> f64 {
         let params = &self.params.comfort_accel;
         let most_mps2 = params.most_mps2.max(planned_mps2);
-        match status {
+        let most_mps2 = match status {
             Status::Plan if input.is_gentle() => most_mps2.min(self.rise.most_mps2(params)),
             Status::Plan => most_mps2,
             Status::Route | Status::Stopping(_) | Status::Blind => f64::INFINITY,
-        }
+        };
+        most_mps2.min(self.grip.accel_most_mps2())
     }
 }
 

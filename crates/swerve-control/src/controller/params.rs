@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 
 use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
-use crate::{SlipParams, mpc, pid, speed};
+use crate::{GripParams, SlipParams, mpc, pid, speed};
 
 /// Time reference when following a plan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -66,6 +66,9 @@ pub struct Params {
     /// Tyre slip, added to the geometric steering; not used by [`Law::Pid`].
     #[ranges(nested)]
     pub slip: SlipParams,
+    /// Acceleration while the front tyres slide; not used by [`Law::Pid`].
+    #[ranges(nested)]
+    pub grip: GripParams,
     /// Parameters of model predictive control.
     #[ranges(nested)]
     pub mpc: mpc::Params,
@@ -90,6 +93,7 @@ impl Default for Params {
             speed: speed::Params::default(),
             along: AlongParams::default(),
             slip: SlipParams::default(),
+            grip: GripParams::default(),
             mpc: mpc::Params::default(),
             comfort_jerk_mps3: 6.5,
             comfort_accel: ComfortAccelParams::default(),
