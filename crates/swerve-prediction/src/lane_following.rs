@@ -7,7 +7,7 @@ use swerve_geom::{Point2, Vector2, angle_between};
 use swerve_map::{Lane, LaneChange, LaneId, Map, Side};
 use swerve_msg::{ActorKind, PredictionList, Route, Track, TrackList};
 
-use crate::road::{place_of, share_along};
+use crate::road::{MERGES_MPS, OVER_LINE_M, SETTLES_S, place_of, share_along};
 use crate::{Ground, Horizon, Predictor};
 
 /// Smallest speed of a vehicle that is taken to follow a lane, m/s.
@@ -55,7 +55,7 @@ impl LaneFollowing {
         for track in &tracks.tracks {
             match self.lane_of(track) {
                 Some(lane) if self.stays(&changes, (lane, track), horizon, ego) => {
-                    own.push((lane, track.clone()))
+                    own.push((self.lane_to(lane, track), track.clone()));
                 }
                 Some(lane) if !self.is_of(ego, lane) => own.push((lane, track.clone())),
                 _ if is_along(ego, track) => together.push(track.clone()),
@@ -83,7 +83,25 @@ impl LaneFollowing {
 
     /// The lane that a vehicle follows; `None` if it is on none, or hardly moves.
     fn lane_of(&self, track: &Track) -> Option<LaneId> {
-        let (point, velocity_mps): (Point2, Vector2) = (track.pose.point(), track.velocity_mps);
+        self.lane_at(track, track.pose.point())
+    }
+
+    /// The lane that a vehicle changes to: the one that its side reaches until its lateral motion settles.
+    fn lane_to(&self, from: LaneId, track: &Track) -> LaneId {
+        let reached = self.map.lane(from).and_then(|lane| {
+            let place = lane.line.project(track.pose.point());
+            let left = lane.line.at(place.s_m).pose.direction().left();
+            let left_mps = track.velocity_mps.dot(left);
+            let side_m = (0.5 * track.extent.width_m - OVER_LINE_M) * left_mps.signum();
+            let point = track.pose.point() + left * (SETTLES_S * left_mps + side_m);
+            (left_mps.abs() > MERGES_MPS).then_some(point)
+        });
+        reached.and_then(|point| self.lane_at(track, point)).unwrap_or(from)
+    }
+
+    /// The lane at a point that a vehicle with its motion follows.
+    fn lane_at(&self, track: &Track, point: Point2) -> Option<LaneId> {
+        let velocity_mps: Vector2 = track.velocity_mps;
         if track.kind == ActorKind::Pedestrian || velocity_mps.norm() < SPEED_MIN_MPS || !track.is_plausible()
         {
             return None;

@@ -23,9 +23,9 @@ pub(crate) const SETTLES_S: f64 = 1.0;
 const CORRECTS_MPS2: f64 = 3.0;
 
 /// Smallest lateral speed of a lane change, m/s.
-const MERGES_MPS: f64 = 0.3;
+pub(crate) const MERGES_MPS: f64 = 0.3;
 /// Distance of a vehicle's side beyond the line from which it changes lanes, metres.
-const OVER_LINE_M: f64 = 0.2;
+pub(crate) const OVER_LINE_M: f64 = 0.2;
 
 /// Bends predictions of any shape for road users that follow the route: motion along and across their initial
 /// direction becomes motion along and across the road.

@@ -131,18 +131,22 @@ fn cars_keep_their_lanes_where_the_route_of_the_ego_changes_lanes() {
         }
         Arc::new(Map::new(lanes).unwrap())
     };
-    let end_y_m = |is_entry, (x_m, y_m)| {
+    let end_at = |is_entry, (x_m, y_m), left_mps| {
         let map = two_lanes(is_entry);
         let [from, to] = [(0, 0.0), (3, 300.0)].map(|(lane, s_m)| Stop { lane: LaneId(lane), s_m });
         let way = router::find(&map, from, to, &[]).unwrap();
         let ego = Route::over(&map, &way, 50.0, 20.0).unwrap().0;
         assert_eq!(ego.lane_changes(&map).len(), 1);
-        super::tests::beside(&ego, &map, (x_m, y_m), (20.0, 0.0))[20].y_m
+        super::tests::beside(&ego, &map, (x_m, y_m), (20.0, left_mps))[20].y_m
     };
+    let end_y_m = |is_entry, place| end_at(is_entry, place, 0.0);
     for x_m in [2.0, 20.0, 60.0, 100.0] {
         assert!(end_y_m(true, (x_m, 0.0)).abs() < 0.1, "in the left lane, {x_m}");
         assert!((end_y_m(false, (x_m, -4.0)) + 4.0).abs() < 0.1, "in the right lane, {x_m}");
     }
+    // One that changes itself ends in the middle of its new lane.
+    assert!((end_at(false, (20.0, -1.0), -0.8) + 4.0).abs() < 0.1, "{}", end_at(false, (20.0, -1.0), -0.8));
+    assert!(end_at(false, (20.0, -0.2), -0.2).abs() < 0.5);
     // On an entry that ends within 4 s, a car changes as the route does.
     assert!(end_y_m(true, (150.0, -4.0)).abs() < 4.1);
 }
