@@ -288,7 +288,7 @@ impl RuleBased {
     /// The speed before the next change of lanes, unless the ego stops before it.
     fn join(
         &mut self,
-        own: Own,
+        (at, roads, own): (&Situation<'_>, Roads<'_>, Own),
         decision: &Decision,
         vehicles: &[Vehicle],
         stop: Option<&Stop>,
@@ -298,7 +298,7 @@ impl RuleBased {
             return None;
         }
         let free_mps = decision.speed_mps(own.center_m, self.params.brake_mps2).min(own.cruise_mps);
-        next.adapt(own, free_mps, vehicles, &self.params)
+        next.adapt(own, free_mps, (vehicles, at, roads), &self.params)
     }
 
     /// Remembers the blocks and crossings of the newest route.
@@ -454,14 +454,11 @@ impl BehaviourPlanner for RuleBased {
             stops.extend(more);
             stops.extend(self.pass_crossings(at, (roads, own)));
             stops.sort_by(|a, b| a.point.s_m.total_cmp(&b.point.s_m));
-            let joins = self.join(own, &decision, &vehicles, stops.first());
-            if let Some(Adaption { speed_mps, until_m, behind }) = joins {
+            let joins = self.join((at, roads, own), &decision, &vehicles, stops.first());
+            if let Some(Adaption { speed_mps, until_m, stop_m, behind }) = joins {
                 decision.limits = creep::slow(&decision.limits, [at.place.s_m, until_m], speed_mps);
-                if speed_mps < CREEPS_MPS {
-                    let s_m = (until_m + own.half_m).max(own.front_m);
-                    let point = StopPoint { s_m, cause: StopReason::GiveWay };
-                    stops.insert(0, Stop { point, who: behind.into_iter().collect() });
-                }
+                let stop = stop_m.map(|s_m| StopPoint { s_m, cause: StopReason::GiveWay });
+                stops.splice(..0, stop.map(|point| Stop { point, who: behind.into_iter().collect() }));
             }
             let (state, because) = self.state(at, own, &stops, (lead, joins));
             (decision.state, decision.because) = (Some(state), because);

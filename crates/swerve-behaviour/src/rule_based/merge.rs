@@ -4,13 +4,15 @@
 //! than it would be anyway, and adapts its speed before. A gap is accepted by its two parts, the one to the vehicle ahead
 //! and the one to that behind (Ahmed, Modeling Drivers' Acceleration and Lane Changing Behavior, 1999, section 3.3).
 
+use swerve_geom::Point2;
 use swerve_map::{LaneChange, LaneId, Map, Route};
 use swerve_msg::ActorId;
 use swerve_road_user::travel::time_s;
 
 use super::block::OnLane;
 use super::others::Vehicle;
-use super::{Own, RuleBasedParams};
+use super::{CREEPS_MPS, Own, RuleBasedParams};
+use crate::{Roads, Situation};
 
 /// Distance beside the middle of its lane at which the ego begins to get into the way of the other lane, and the interval
 /// of samples, metres.
@@ -32,6 +34,10 @@ const QUEUE_MPS: f64 = 4.0;
 /// Delay from which the ego begins to adapt its speed, seconds, and the largest step in which it does so, m/s.
 const LATE_S: f64 = 0.1;
 const STEP_MPS: f64 = 1.5;
+/// Distance within which vehicles are looked at that change to the other lane themselves, metres, and the time until
+/// they are there, seconds.
+const BESIDE_M: f64 = 60.0;
+const COMES_S: f64 = 1.5;
 /// Time in which it closes a larger distance to the vehicle ahead, seconds.
 const CLOSES_S: f64 = 3.0;
 
@@ -58,6 +64,8 @@ pub(super) struct Adaption {
     pub(super) speed_mps: f64,
     /// Place of the ego's centre up to which it has that speed, metres.
     pub(super) until_m: f64,
+    /// Place before which its front stops if there is no gap, metres.
+    pub(super) stop_m: Option<f64>,
     pub(super) behind: Option<ActorId>,
 }
 
@@ -81,7 +89,7 @@ impl Join {
         &mut self,
         own: Own,
         free_mps: f64,
-        vehicles: &[Vehicle],
+        (vehicles, at, roads): (&[Vehicle], &Situation<'_>, Roads<'_>),
         params: &RuleBasedParams,
     ) -> Option<Adaption> {
         let to_m = self.over_m - own.center_m;
@@ -90,8 +98,10 @@ impl Join {
             return None;
         }
         let moves = vehicles.iter().filter(|other| other.speed_mps > QUEUE_MPS);
+        let place_m =
+            |other: &Vehicle| self.place_m(other).or_else(|| self.comes_to_m(other, own, at, roads));
         let mut beside: Vec<(f64, &Vehicle)> =
-            moves.filter_map(|other| Some((self.place_m(other)?, other))).collect();
+            moves.filter_map(|other| Some((place_m(other)?, other))).collect();
         beside.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.id.cmp(&b.1.id)));
         if to_m <= 0.0 {
             return self.behind(own, free_mps, &beside);
@@ -124,16 +134,18 @@ impl Join {
         self.gap = Some(gap);
         let speed_mps = (to_m / at_s).max(own.speed_mps - STEP_MPS);
         self.is_slower = at_s > free_s + if self.is_slower { 0.0 } else { LATE_S };
-        self.is_slower.then_some(Adaption { speed_mps, until_m: self.over_m, behind: gap[0] })
+        let stop_m = (speed_mps < CREEPS_MPS).then_some((self.over_m + own.half_m).max(own.front_m));
+        self.is_slower.then_some(Adaption { speed_mps, until_m: self.change.at_m, stop_m, behind: gap[0] })
     }
 
-    /// Keeps the ego behind the vehicle ahead of its gap while it changes.
+    /// Keeps the ego behind the next vehicle ahead while it changes.
     fn behind(&self, own: Own, free_mps: f64, beside: &[(f64, &Vehicle)]) -> Option<Adaption> {
-        let id = self.gap?[0]?;
-        let (s_m, other) = beside.iter().find(|(_, other)| other.id == id)?;
+        let (s_m, other) = beside.iter().rev().find(|(s_m, _)| *s_m > own.center_m)?;
         let spare_m = s_m - other.half_m - own.front_m - ahead_m(other);
-        let speed_mps = (other.speed_mps + spare_m / CLOSES_S).max(own.speed_mps - STEP_MPS);
-        (speed_mps < free_mps).then_some(Adaption { speed_mps, until_m: self.change.at_m, behind: Some(id) })
+        let speed_mps = (other.speed_mps + spare_m / CLOSES_S).max(0.0);
+        let until_m = self.change.at_m + CLOSES_S * own.speed_mps;
+        let adaption = Adaption { speed_mps, until_m, stop_m: None, behind: Some(other.id) };
+        (speed_mps < free_mps).then_some(adaption)
     }
 
     /// Place along the route of the centre of a vehicle that is on the other lane or comes to it, metres.
@@ -142,6 +154,24 @@ impl Join {
             Some(s_m) => (s_m >= self.change.at_m).then_some(s_m),
             None => self.lanes.iter().find_map(|(lane, offset_m)| Some(offset_m + other.on_m(*lane)?)),
         }
+    }
+
+    /// The same for one near the ego that is predicted to come to the other lane from beside it.
+    fn comes_to_m(&self, other: &Vehicle, own: Own, at: &Situation<'_>, roads: Roads<'_>) -> Option<f64> {
+        let away_m = other.pose.point().distance(Point2::new(own.x_m, own.y_m));
+        if away_m > BESIDE_M || other.route_m.is_some() {
+            return None;
+        }
+        let begin = at.predictions.partition_point(|one| one.id < other.id);
+        let one = at.predictions.get(begin).filter(|one| one.id == other.id)?;
+        let first = one.path.first()?;
+        let later = one.path.iter().find(|point| (point.at - first.at).as_secs() >= COMES_S)?;
+        let on_m = |(lane, offset_m): &(LaneId, f64)| {
+            let found = roads.map.at(later.pose.point()).find(|on| on.lane == *lane)?;
+            Some(offset_m + found.place.s_m)
+        };
+        let way_m = other.speed_mps * (later.at - first.at).as_secs();
+        Some(self.lanes.iter().find_map(on_m)? - way_m)
     }
 }
 
