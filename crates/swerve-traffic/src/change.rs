@@ -17,6 +17,9 @@ const ENDS_MPS2: f64 = 3.0;
 /// Slowest speed at which a driver changes lanes, m/s: a vehicle does not move sideways at rest.
 const SPEED_MIN_MPS: f64 = 2.0;
 
+/// Time gap to those who merge into the same lane from its other side, seconds.
+const MERGE_S: f64 = 1.0;
+
 /// Input of a tick of lane changes.
 pub(crate) struct Changes<'a> {
     pub(crate) map: &'a Map,
@@ -67,12 +70,31 @@ impl Changes<'_> {
         if !lawful || in_zone(car.lane(), s_m, ends_m[0]) || in_zone(target, place.s_m, ends_m[1]) {
             return None;
         }
+        if onto.beside[k].is_some_and(|entry| self.merges_beside(car, who, (target, place.s_m), entry)) {
+            return None;
+        }
         let end_m = lane.closed_m.unwrap_or(lane.length_m);
         let bias_mps2 = self.bias_mps2(car, end_m - s_m, target)?;
         let with = self.accelerations(cars, who, (target, place.s_m))?;
         let incentive_mps2 = self.mobil.incentive_mps2(&with, bias_mps2);
         let target = Target { lane: target, s_m: place.s_m, d_m: place.d_m };
         self.mobil.changes(&with, bias_mps2).then_some((incentive_mps2, target))
+    }
+
+    /// True if somebody beside the place on the target is on a lane that ends: they will change to the target, too.
+    fn merges_beside(&self, car: &Car, who: usize, (target, s_m): (usize, f64), entry: usize) -> bool {
+        if !self.net.ends(entry) {
+            return false;
+        }
+        let [from, to] = [target, entry].map(|lane| &self.net.lane(lane).line);
+        let s_m = to.project_near(from.at(s_m).pose.point(), s_m, 30.0).s_m;
+        let is_near = |ahead: On, behind: On| {
+            let gap_m = ahead.s_m - ahead.half_m - behind.s_m - behind.half_m;
+            gap_m < car.idm.stand_gap_m + MERGE_S * behind.speed_mps
+        };
+        let own = On { s_m, half_m: car.half_m(), speed_mps: car.speed_mps, who };
+        self.scene.leader(self.net, (entry, s_m), who).is_some_and(|ahead| is_near(ahead, own))
+            || self.scene.follower(self.net, (entry, s_m), who).is_some_and(|behind| is_near(own, behind))
     }
 
     /// Preference of lanes that go on; `None` for a lane that ends while the present one does not.
