@@ -8,7 +8,7 @@ use swerve_vehicle::Shape;
 
 /// Gap before a vehicle of the other lane, metres, and per speed of that vehicle, seconds.
 const GAP_M: f64 = 1.0;
-const GAP_S: f64 = 0.4;
+const GAP_S: f64 = 0.3;
 /// Time in which a difference of speeds uses it, seconds, and the largest gap, metres.
 const CLOSES_S: f64 = 1.0;
 const GAP_MAX_M: f64 = 30.0;
@@ -96,10 +96,10 @@ mod tests {
     #[test]
     fn vehicle_beside_and_behind_is_longer_to_the_front() {
         for (ego_mps, place, speed_mps, longer_m) in [
-            (20.0, (-6.0, 3.5), 20.0, 9.0),
-            (20.0, (-6.0, -3.5), 20.0, 9.0),
+            (20.0, (-6.0, 3.5), 20.0, 7.0),
+            (20.0, (-6.0, -3.5), 20.0, 7.0),
             // It gains on the ego, or falls back.
-            (20.0, (-20.0, 3.5), 25.0, 16.0),
+            (20.0, (-20.0, 3.5), 25.0, 13.5),
             (20.0, (-6.0, 3.5), 10.0, 0.0),
             (5.0, (-50.0, 3.5), 30.0, 30.0),
             // Ahead, behind in the same lane, far beside, in a queue, oncoming.

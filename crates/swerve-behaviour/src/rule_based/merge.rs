@@ -31,6 +31,8 @@ const ADAPTS_MPS2: f64 = 2.0;
 const IMPOSED_MPS2: f64 = 2.0;
 /// Speed below which vehicles queue, m/s: there are no gaps to wait for.
 const QUEUE_MPS: f64 = 4.0;
+/// Time before a change from which it is too late to begin with that, seconds.
+const ADAPTS_S: f64 = 2.0;
 /// Delay from which the ego begins to adapt its speed, seconds, and the largest step in which it does so, m/s.
 const LATE_S: f64 = 0.1;
 const STEP_MPS: f64 = 1.5;
@@ -93,8 +95,9 @@ impl Join {
         params: &RuleBasedParams,
     ) -> Option<Adaption> {
         let to_m = self.over_m - own.center_m;
-        // What comes into view stays in view.
-        if to_m > own.view_m() && self.gap.is_none() {
+        // What comes into view stays in view. An ego that is already there when it gets its route cannot adapt.
+        let in_time_m = [ADAPTS_S * own.speed_mps, own.view_m()];
+        if self.gap.is_none() && !(in_time_m[0]..in_time_m[1]).contains(&to_m) {
             return None;
         }
         let moves = vehicles.iter().filter(|other| other.speed_mps > QUEUE_MPS);
