@@ -20,6 +20,13 @@ pub struct GripParams {
     /// 0.047; the largest force is at 0.13 on dry ground and at 0.04 on ice (friction 0.3).
     #[schemars(range(min = 0.01, max = 1.6))]
     pub slip_max_rad: f64,
+    /// Lateral acceleration up to which they slide, m/s²: with more, they have the grip of dry ground, and a large slip
+    /// angle is that of a swerve.
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub lateral_max_mps2: f64,
+    /// Time for which they do, seconds: the car follows quick steering later.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub slides_s: f64,
     /// Speed below which slip is not estimated, m/s: it has the noise of the yaw rate, divided by the speed.
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub speed_min_mps: f64,
@@ -33,7 +40,14 @@ pub struct GripParams {
 
 impl Default for GripParams {
     fn default() -> Self {
-        Self { slip_max_rad: 0.05, speed_min_mps: 3.0, decel_mps2: 1.5, rise_mps3: 1.0 }
+        Self {
+            slip_max_rad: 0.05,
+            lateral_max_mps2: 4.0,
+            slides_s: 0.3,
+            speed_min_mps: 3.0,
+            decel_mps2: 1.5,
+            rise_mps3: 1.0,
+        }
     }
 }
 
@@ -42,19 +56,29 @@ impl Default for GripParams {
 pub(crate) struct Grip {
     params: GripParams,
     accel_most_mps2: f64,
+    /// Time of the slide by now, seconds.
+    slides_s: f64,
 }
 
 impl Grip {
     pub(crate) fn new(params: GripParams) -> Self {
-        Self { params, accel_most_mps2: f64::INFINITY }
+        Self { params, accel_most_mps2: f64::INFINITY, slides_s: 0.0 }
     }
 
     /// Takes the ego state `dt_s` after the previous one; `None` if there is no new one.
     pub(crate) fn advance(&mut self, ego: Option<&EgoState>, slip: &SlipParams, wheelbase_m: f64, dt_s: f64) {
-        let GripParams { slip_max_rad, speed_min_mps, decel_mps2, rise_mps3 } = self.params;
+        let GripParams { slip_max_rad, lateral_max_mps2, slides_s, speed_min_mps, decel_mps2, rise_mps3 } =
+            self.params;
         self.accel_most_mps2 = self.accel_most_mps2.max(0.0) + rise_mps3 * dt_s;
-        let moving = ego.filter(|ego| ego.speed_mps >= speed_min_mps);
-        if moving.is_some_and(|ego| front_slip_rad(ego, slip, wheelbase_m).abs() > slip_max_rad) {
+        let slides = |ego: &EgoState| {
+            ego.speed_mps >= speed_min_mps
+                && ego.lateral_accel_mps2.abs() < lateral_max_mps2
+                && front_slip_rad(ego, slip, wheelbase_m).abs() > slip_max_rad
+        };
+        if let Some(ego) = ego {
+            self.slides_s = if slides(ego) { self.slides_s + dt_s } else { 0.0 };
+        }
+        if ego.is_some() && self.slides_s > 0.0 && self.slides_s >= slides_s {
             self.accel_most_mps2 = -decel_mps2;
         }
     }
@@ -84,11 +108,11 @@ mod tests {
         EgoState { speed_mps, steering_rad, yaw_rate_radps, lateral_accel_mps2, ..EgoState::default() }
     }
 
-    /// Largest acceleration after each of the states, m/s².
+    /// Largest acceleration after each of the states, 0.3 s apart, m/s².
     fn most_mps2(states: &[Option<EgoState>]) -> Vec<f64> {
         let mut grip = Grip::new(GripParams::default());
         let after = |ego: &Option<EgoState>| {
-            grip.advance(ego.as_ref(), &SlipParams::default(), WHEELBASE_M, 0.01);
+            grip.advance(ego.as_ref(), &SlipParams::default(), WHEELBASE_M, 0.3);
             grip.accel_most_mps2()
         };
         states.iter().map(after).collect()
@@ -116,9 +140,16 @@ mod tests {
             let slide = state(4.0, side * 0.28, side * 0.25);
             let grip = state(4.0, side * 0.28, side * 0.4);
             let most = most_mps2(&[Some(slide), Some(slide), Some(grip), None, Some(grip), Some(slide)]);
-            let expected = [-1.5, -1.5, 0.01, 0.02, 0.03, -1.5];
+            let expected = [-1.5, -1.5, 0.3, 0.6, 0.9, -1.5];
             assert!(most.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{most:?}");
         }
+    }
+
+    /// A swerve at the limit of dry ground, with slip angles of 0.1 rad.
+    #[test]
+    fn swerve_on_dry_ground_is_no_slide() {
+        let swerve = state(15.0, math::atan(WHEELBASE_M * 8.0 / 225.0) + 0.1, 8.0 / 15.0);
+        assert_eq!(most_mps2(&[Some(swerve)]), [f64::INFINITY]);
     }
 
     #[test]

@@ -140,7 +140,7 @@ fn car_that_speeds_up_on_ice_in_a_bend_stays_in_its_lane() {
         let never = GripParams { slip_max_rad: 1.6, ..GripParams::default() };
         let without_m = off_path_m(law, never, 0.2);
         let off_m = off_path_m(law, GripParams::default(), 0.2);
-        assert!(off_m < 0.5 && without_m > 1.2, "{law:?}: {off_m} m instead of {without_m} m");
+        assert!(off_m < 0.6 && without_m > 1.2, "{law:?}: {off_m} m instead of {without_m} m");
     }
 }
 
