@@ -26,7 +26,7 @@ use swerve_msg::{ActorId, Decision, DrivingState, ExpectedStop, Signal, StopPoin
 use self::block::{Block, OnLane, RouteCrossing};
 use self::creep::Around;
 use self::entry::{Entry, Refusal, needed_mps2};
-use self::merge::{Adaption, Join};
+use self::merge::{Adaptation, Join};
 use self::others::{Others, REST_MPS, Vehicle};
 use self::state::Facts;
 use self::trust::Trust;
@@ -292,7 +292,7 @@ impl RuleBased {
         decision: &Decision,
         vehicles: &[Vehicle],
         stop: Option<&Stop>,
-    ) -> Option<Adaption> {
+    ) -> Option<Adaptation> {
         let next = self.course.joins.iter_mut().find(|one| own.center_m < one.change.at_m)?;
         if stop.is_some_and(|stop| stop.point.s_m < next.over_m) {
             return None;
@@ -327,7 +327,7 @@ impl RuleBased {
         at: &Situation<'_>,
         own: Own,
         stops: &[Stop],
-        (lead, joins): (Option<(ActorId, f64)>, Option<Adaption>),
+        (lead, joins): (Option<(ActorId, f64)>, Option<Adaptation>),
     ) -> (DrivingState, Option<ActorId>) {
         let rests_mps = if self.rests { CREEPS_MPS } else { REST_MPS };
         self.rests = own.speed_mps < rests_mps;
@@ -455,7 +455,7 @@ impl BehaviourPlanner for RuleBased {
             stops.extend(self.pass_crossings(at, (roads, own)));
             stops.sort_by(|a, b| a.point.s_m.total_cmp(&b.point.s_m));
             let joins = self.join((at, roads, own), &decision, &vehicles, stops.first());
-            if let Some(Adaption { speed_mps, until_m, stop_m, behind }) = joins {
+            if let Some(Adaptation { speed_mps, until_m, stop_m, behind }) = joins {
                 decision.limits = creep::slow(&decision.limits, [at.place.s_m, until_m], speed_mps);
                 let stop = stop_m.map(|s_m| StopPoint { s_m, cause: StopReason::GiveWay });
                 stops.splice(..0, stop.map(|point| Stop { point, who: behind.into_iter().collect() }));

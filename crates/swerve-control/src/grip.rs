@@ -75,10 +75,10 @@ impl Grip {
                 && ego.lateral_accel_mps2.abs() < lateral_max_mps2
                 && front_slip_rad(ego, slip, wheelbase_m).abs() > slip_max_rad
         };
-        if let Some(ego) = ego {
-            self.slides_s = if slides(ego) { self.slides_s + dt_s } else { 0.0 };
-        }
-        if ego.is_some() && self.slides_s > 0.0 && self.slides_s >= slides_s {
+        let Some(ego) = ego else { return };
+        let slides = slides(ego);
+        self.slides_s = if slides { self.slides_s + dt_s } else { 0.0 };
+        if slides && self.slides_s >= slides_s {
             self.accel_most_mps2 = -decel_mps2;
         }
     }

@@ -51,7 +51,7 @@ pub struct LaneChange {
     pub to: LaneId,
     /// Arc length from which the route is nearer to the lane after, metres.
     pub at_m: f64,
-    /// Arc lengths between which the route moves from one lane to the other, at least, metres.
+    /// Arc lengths between which the route moves from one lane to the other, metres: about, by the speed limit.
     pub part_m: [f64; 2],
 }
 

@@ -28,11 +28,15 @@ pub(crate) fn with_gaps<'a>(
     speed_mps: f64,
 ) -> Cow<'a, [Prediction]> {
     let gap_m = |one: &Prediction| gap_m(one, route, (place, speed_mps), shape);
-    if predictions.iter().all(|one| gap_m(one).is_none()) {
+    let gaps_m: Vec<Option<f64>> = predictions.iter().map(gap_m).collect();
+    if gaps_m.iter().all(Option::is_none) {
         return predictions;
     }
-    let longer = |one: &Prediction| gap_m(one).map_or_else(|| one.clone(), |by_m| longer(one, by_m));
-    Cow::Owned(predictions.iter().map(longer).collect())
+    let with_gap = |(one, gap_m): (&Prediction, Option<f64>)| match gap_m {
+        Some(by_m) => longer(one, by_m),
+        None => one.clone(),
+    };
+    Cow::Owned(predictions.iter().zip(gaps_m).map(with_gap).collect())
 }
 
 /// Gap that a vehicle beside the ego needs, metres; `None` for all others.

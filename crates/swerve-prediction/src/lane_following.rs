@@ -25,9 +25,11 @@ const BEND_M: f64 = 10.0;
 ///
 /// Vehicles on lanes of the ego's route, or on lanes of the same direction beside them, follow the route; so do those
 /// along it that are on no lane of their direction, such as one that overtakes. Where the route changes lanes, only those
-/// follow it whose lane ends; all others follow their own lane. A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane
-/// before: straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is
-/// nearest to that of the vehicle.
+/// follow it whose lane ends. All others follow their own lane.
+///
+/// A vehicle is expected to follow its lane, and at a fork the lane whose curvature is nearest to that of the lane before:
+/// straight on at a crossing, and around in a roundabout. Inside a junction the lane is the one whose direction is nearest
+/// to that of the vehicle.
 #[derive(Clone, Debug)]
 pub struct LaneFollowing {
     map: Arc<Map>,

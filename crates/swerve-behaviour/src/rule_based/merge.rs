@@ -1,6 +1,6 @@
 //! Changes to the next lane among its traffic.
 //!
-//! The route tells where the ego changes. It takes the first gap of the other lane that it can reach without being faster
+//! The route fixes where the ego changes. It takes the first gap of the other lane that it can reach without being faster
 //! than it would be anyway, and adapts its speed before. A gap is accepted by its two parts, the one to the vehicle ahead
 //! and the one to that behind (Ahmed, Modeling Drivers' Acceleration and Lane Changing Behavior, 1999, section 3.3).
 
@@ -62,7 +62,7 @@ type Gap = [Option<ActorId>; 2];
 
 /// Speed before a change, because of the vehicle behind which the ego joins its lane.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Adaption {
+pub(super) struct Adaptation {
     pub(super) speed_mps: f64,
     /// Place of the ego's centre up to which it has that speed, metres.
     pub(super) until_m: f64,
@@ -93,7 +93,7 @@ impl Join {
         free_mps: f64,
         (vehicles, at, roads): (&[Vehicle], &Situation<'_>, Roads<'_>),
         params: &RuleBasedParams,
-    ) -> Option<Adaption> {
+    ) -> Option<Adaptation> {
         let to_m = self.over_m - own.center_m;
         // What comes into view stays in view. An ego that is already there when it gets its route cannot adapt.
         let in_time_m = [ADAPTS_S * own.speed_mps, own.view_m()];
@@ -138,17 +138,17 @@ impl Join {
         let speed_mps = (to_m / at_s).max(own.speed_mps - STEP_MPS);
         self.is_slower = at_s > free_s + if self.is_slower { 0.0 } else { LATE_S };
         let stop_m = (speed_mps < CREEPS_MPS).then_some((self.over_m + own.half_m).max(own.front_m));
-        self.is_slower.then_some(Adaption { speed_mps, until_m: self.change.at_m, stop_m, behind: gap[0] })
+        self.is_slower.then_some(Adaptation { speed_mps, until_m: self.change.at_m, stop_m, behind: gap[0] })
     }
 
     /// Keeps the ego behind the next vehicle ahead while it changes.
-    fn behind(&self, own: Own, free_mps: f64, beside: &[(f64, &Vehicle)]) -> Option<Adaption> {
+    fn behind(&self, own: Own, free_mps: f64, beside: &[(f64, &Vehicle)]) -> Option<Adaptation> {
         let (s_m, other) = beside.iter().rev().find(|(s_m, _)| *s_m > own.center_m)?;
         let spare_m = s_m - other.half_m - own.front_m - ahead_m(other);
         let speed_mps = (other.speed_mps + spare_m / CLOSES_S).max(0.0);
         let until_m = self.change.at_m + CLOSES_S * own.speed_mps;
-        let adaption = Adaption { speed_mps, until_m, stop_m: None, behind: Some(other.id) };
-        (speed_mps < free_mps).then_some(adaption)
+        let adaptation = Adaptation { speed_mps, until_m, stop_m: None, behind: Some(other.id) };
+        (speed_mps < free_mps).then_some(adaptation)
     }
 
     /// Place along the route of the centre of a vehicle that is on the other lane or comes to it, metres.

@@ -6,7 +6,7 @@ use super::*;
 const TRAFFIC_MPS: f64 = 22.0;
 const LANE_Y_M: f64 = -5.625;
 
-/// What an ego that drives from a ramp by the decisions' speeds alone finds where it gets into the way of the traffic.
+/// Result of a ride from a ramp by the decisions' speeds alone, up to where the ego gets into the way of the traffic.
 #[derive(Debug)]
 struct Joined {
     /// Gaps to the cars ahead and behind, metres.
