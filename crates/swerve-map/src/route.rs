@@ -8,6 +8,8 @@ use crate::{Border, Borders, Lane, LaneId, Map, Neighbour, Side, Signal, Station
 
 mod over;
 
+pub(crate) use over::{beside, change_length_m};
+
 /// Distance before the end of a lane at which traffic stops if its signal has no stop line, metres.
 const BEFORE_END_M: f64 = 1.0;
 

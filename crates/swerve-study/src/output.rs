@@ -82,6 +82,7 @@ pub(super) fn report(
         write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
         tables += &(ranking::text(ranking, &settings) + "\n");
     }
+    tables += &CellResult::note_without_steps(results);
     Ok(format!(
         "{}\n{foreseen}{tables}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
         grid.text(),

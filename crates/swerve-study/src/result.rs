@@ -78,6 +78,30 @@ impl CellResult {
         self.figures.get(ROAD_USERS_LEFT_OUT).map(|count| *count as usize)
     }
 
+    /// Operators of which no step ended.
+    fn without_steps(&self) -> impl Iterator<Item = &str> {
+        let steps = self.figures.iter().filter(|(_, steps)| **steps == 0.0);
+        steps.filter_map(|(name, _)| name.strip_prefix("operator.")?.strip_suffix(".steps"))
+    }
+
+    /// Note on the operators of which no step ended, with the number of cells for each; empty without such cells.
+    pub(crate) fn note_without_steps(results: &[Option<Self>]) -> String {
+        let mut cells = BTreeMap::<&str, usize>::new();
+        for name in results.iter().flatten().flat_map(Self::without_steps) {
+            *cells.entry(name).or_default() += 1;
+        }
+        let all = results.iter().flatten().count();
+        let one = |(name, count): (&str, usize)| format!("{name} in {count}");
+        let each: Vec<String> = cells.into_iter().map(one).collect();
+        match each.is_empty() {
+            true => String::new(),
+            false => format!(
+                "of {all} cells, no step of {} ended: what they read did not arrive, or they took too long\n",
+                each.join(", of ")
+            ),
+        }
+    }
+
     /// Result without metrics.
     pub fn blank(cell: &Cell, verdict: &str) -> Self {
         Self {

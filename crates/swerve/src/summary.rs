@@ -200,6 +200,14 @@ impl Summary {
             let _ = writeln!(text, "  {:<20}{}", format!("ego {ego}"), outcome(metrics));
         }
         text += &operators(&m.operators);
+        let never: Vec<&str> = m.operators.iter().filter(|o| o.steps == 0).map(|o| &*o.operator).collect();
+        if !never.is_empty() {
+            let _ = writeln!(
+                text,
+                "no step of {} ended: what they read did not arrive, or they took too long",
+                never.join(", ")
+            );
+        }
         text += &self.why.as_ref().map_or_else(String::new, Why::text);
         text += &self.rungs_text;
         text += &self.clock_text();

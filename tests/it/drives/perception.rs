@@ -102,6 +102,30 @@ fn fused(seen: &Recorded) -> Vec<&Detections> {
     seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
 }
 
+/// Sensors that find objects after 300 ms give the fusion old boxes only.
+#[test]
+fn late_objects_are_fused_and_tracked() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
+    let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
+    let scenario = Scenario::parse("near", &text).unwrap();
+    let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/fusion.toml"));
+    let late =
+        ["operator.detector.runtime={ fixed_ms = 300 }", "operator.lidar_objects.runtime={ fixed_ms = 300 }"];
+    let config = Setup::from_document(&Document::read(config).unwrap(), &common::sets(&late)).unwrap();
+    let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
+    pipeline.until = Time::from_ms(1600);
+    let mut seen = Recorded::default();
+    drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+    let tracks = seen.tracks.last().expect("there are lists");
+    let world = seen.worlds.iter().find(|world| world.stamp >= tracks.stamp).unwrap();
+    let truck = world.actors[0].pose.point();
+    assert!(tracks.tracks.iter().any(|track| track.pose.point().distance(truck) < 0.7), "{tracks:?}");
+    // The echoes of the boxes' instant, not the newest, which are 300 ms younger.
+    let speeds = fused(&seen).into_iter().flat_map(|list| &list.boxes).filter_map(|b| b.radial_speed_mps);
+    let worst_mps = speeds.map(f64::abs).fold(0.0, f64::max);
+    assert!(worst_mps > 0.0 && worst_mps < 1.0, "the truck stands: {worst_mps}");
+}
+
 /// A car stands in view of camera, lidar and radar. If either of the first two is blind, it is still tracked: with the
 /// camera's class and the lidar's position if both see it, else with those of the remaining sensor.
 #[test]

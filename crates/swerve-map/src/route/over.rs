@@ -159,7 +159,7 @@ fn spread(map: &Map, rows: &[Row<'_>], least: usize, change: usize) -> (usize, u
 }
 
 /// The driving lane of the same direction this many lanes to the left.
-fn beside<'m>(map: &'m Map, lane: &'m Lane, across: i32) -> Option<&'m Lane> {
+pub(crate) fn beside<'m>(map: &'m Map, lane: &'m Lane, across: i32) -> Option<&'m Lane> {
     let mut at = lane;
     for _ in 0..across.abs() {
         let next = if across > 0 { at.left } else { at.right };
@@ -202,7 +202,7 @@ impl Pair<'_> {
 }
 
 /// Length of a change at a speed, metres.
-pub(super) fn change_length_m(speed_mps: f64) -> f64 {
+pub(crate) fn change_length_m(speed_mps: f64) -> f64 {
     CHANGE_LENGTH_M.max(CHANGE_S * speed_mps)
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use swerve_geom::{LineTracker, Pose2, angle_between};
 
 use super::{Step, Stop, Way, find_over};
-use crate::{LaneId, LaneKind, Map, Route};
+use crate::route::{beside, change_length_m};
+use crate::{Lane, LaneId, LaneKind, Map, Route};
 
 /// Distance beyond the borders of its lane from which the ego counts as off the route, metres, and the time for which it
 /// has to be.
@@ -16,11 +17,14 @@ const ALONG_RAD: f64 = 1.0;
 /// Deceleration and reaction time of the way along the present route before a new one may part from it.
 const EASE_MPS2: f64 = 2.0;
 const REACTION_S: f64 = 1.0;
+/// Largest number of lanes beside the route from which the ego returns to it.
+const LANES_MAX: i32 = 4;
 /// Distance within which a place on the map is on the route, metres.
 const ON_ROUTE_M: f64 = 2.0;
 
 /// Keeps the route of a drive over a map: finds another one if a place ahead is closed, or the ego has left it.
 ///
+/// An ego that overtakes on a lane beside the route has not left it, as long as it can return before the lanes part.
 /// The new route keeps the present one as far as the ego needs to slow down. If no other route leads to the destination,
 /// the present one is kept.
 #[derive(Clone, Debug)]
@@ -80,7 +84,8 @@ impl Navigator {
         self.off_since_s = is_off.then(|| self.off_since_s.unwrap_or(now_s));
         let has_left = self.off_since_s.is_some_and(|since_s| now_s - since_s >= OFF_FOR_S);
         let new = if has_left {
-            self.lane_at(pose).and_then(|from| self.way(&[(Step::Begin, from.lane)], [from, from]))
+            let from = self.lane_at(pose).filter(|from| !self.returns(from.lane, at.s_m));
+            from.and_then(|from| self.way(&[(Step::Begin, from.lane)], [from, from]))
         } else if core::mem::take(&mut self.is_news) && self.is_closed_after(at.s_m) {
             let commit_m = speed_mps * REACTION_S + 0.5 * speed_mps * speed_mps / EASE_MPS2;
             [commit_m, 0.0].into_iter().find_map(|ahead_m| self.way_after([at.s_m, at.s_m + ahead_m]))
@@ -126,6 +131,31 @@ impl Navigator {
     fn is_closed_after(&self, from_m: f64) -> bool {
         let goal_m = self.ahead.last().map_or(f64::INFINITY, |(_, s_m)| *s_m);
         self.closed.iter().any(|stop| self.place_after(*stop, from_m).is_some_and(|s_m| s_m <= goal_m))
+    }
+
+    /// Returns true if the ego can return to the route from a lane beside it, such as that on which it overtakes.
+    fn returns(&self, from: LaneId, s_m: f64) -> bool {
+        let stretches = self.route.stretches_from(s_m);
+        let lane = |k: usize| self.map.lane(stretches.get(k)?.lane);
+        // At a joint, either lane can be that of the ego.
+        let joins = |a: &Lane, b: LaneId| a.id == b || a.successors.contains(&b);
+        let is_from =
+            |lane: &Lane| joins(lane, from) || self.map.lane(from).is_some_and(|from| joins(from, lane.id));
+        let on =
+            |across: i32| Some((across, beside(&self.map, lane(0)?, across).filter(|lane| is_from(lane))?));
+        let Some((across, mut aside)) = (1..=LANES_MAX).flat_map(|count| [count, -count]).find_map(on) else {
+            return false;
+        };
+        let mut k = 0;
+        while let Some(next) = lane(k + 1).and_then(|next| beside(&self.map, next, across))
+            && aside.successors.contains(&next.id)
+        {
+            (k, aside) = (k + 1, next);
+        }
+        let end_m = stretches.get(k + 1).map_or(self.route.line().length(), |next| next.begin_m);
+        let speed_mps =
+            stretches[k].speed_limit_mps.map_or(self.speed_mps, |limit| limit.min(self.speed_mps));
+        end_m - s_m > f64::from(across.abs()) * change_length_m(speed_mps)
     }
 
     /// Driving lane at a pose: that with the most similar heading.

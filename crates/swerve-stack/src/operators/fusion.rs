@@ -22,8 +22,9 @@ use crate::site::Site;
 
 /// Past poses kept to find those at the stamps of the inputs.
 const POSES: usize = 256;
-/// Past depth images kept to find that at the boxes' stamp: detectors take time.
-const DEPTHS: usize = 8;
+/// Past depth images and radar scans kept to find those at the boxes' stamp: detectors take time.
+const DEPTHS: usize = 32;
+const SCANS: usize = 32;
 
 /// Fuses objects of a camera and a lidar with a radar's echoes.
 pub(super) struct Fusions;
@@ -37,7 +38,7 @@ struct Table {
     /// Time between two lists, ms; there is none without new inputs.
     #[schemars(range(min = 1.0, max = 10_000.0))]
     period_ms: f64,
-    /// Age above which inputs are ignored, ms.
+    /// Age relative to the newest boxes above which boxes and echoes are ignored, ms.
     #[schemars(range(min = 1.0, max = 10_000.0))]
     age_max_ms: f64,
     /// Expected errors of the sources, and limits for associating objects.
@@ -47,7 +48,7 @@ struct Table {
 
 impl Default for Table {
     fn default() -> Self {
-        Self { view: None, period_ms: 50.0, age_max_ms: 200.0, params: Params::default() }
+        Self { view: None, period_ms: 50.0, age_max_ms: 1000.0, params: Params::default() }
     }
 }
 
@@ -60,8 +61,8 @@ struct In {
     camera: Option<Latest<Detections>>,
     /// Boxes found in a lidar's points.
     lidar: Option<Latest<Detections>>,
-    /// Echoes of a radar.
-    radar: Option<Latest<RadarScan>>,
+    /// Past echoes of a radar.
+    radar: Option<Window<RadarScan, SCANS>>,
     /// Depth images of the camera.
     depth: Option<Window<Image, DEPTHS>>,
     /// Past poses of the ego.
@@ -165,27 +166,29 @@ impl Operator for Fusion {
     type In = In;
     type Out = Port<Detections>;
 
-    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Detections>) {
-        let (now, poses) = (cx.now(), input.poses.get());
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Port<Detections>) {
+        let poses = input.poses.get();
         let ego_at = |stamp: Time| {
             let before = poses.iter().rev().find(|pose| pose.header().stamp <= stamp).or(poses.first())?;
             let mut ego = **before;
             ego.pose = before.pose_after((stamp - before.stamp).as_secs());
             Some(ego)
         };
-        let is_fresh = |stamp: Time| now - stamp <= self.age_max;
-        let sighted = |port: &'_ Option<Latest<Detections>>| {
-            let found = port.as_ref()?.get().filter(|found| is_fresh(found.stamp))?;
-            Some((found.clone(), ego_at(found.stamp)?.pose))
-        };
-        let (camera, lidar) = (sighted(&input.camera), sighted(&input.lidar));
+        let boxes = [&input.camera, &input.lidar].map(|port| port.as_ref().and_then(Latest::get));
+        let Some(newest) = boxes.iter().flatten().map(|found| found.stamp).max() else { return };
+        let [camera, lidar] = boxes.map(|found| {
+            let found = found.filter(|found| newest - found.stamp <= self.age_max)?;
+            Some((found, ego_at(found.stamp)?.pose))
+        });
         let stamps = [&camera, &lidar].map(|source| source.as_ref().map(|(found, _)| found.stamp));
         let is_new = [0, 1].map(|source| stamps[source] != self.told[source]);
         let depth = camera.as_ref().and_then(|(found, _)| {
             input.depth.as_ref()?.get().iter().find(|image| image.stamp == found.stamp)
         });
         let echoes = input.radar.as_ref().and_then(|radar| {
-            let scan = radar.get().filter(|scan| is_fresh(scan.stamp))?;
+            let apart = |scan: &RadarScan| (scan.stamp - newest).max(newest - scan.stamp);
+            let scan = radar.get().iter().min_by_key(|scan| apart(scan))?;
+            let scan = Some(scan).filter(|scan| apart(scan) <= self.age_max)?;
             Some(Echoes { scan, ego: ego_at(scan.stamp)?, ego_from_radar: self.ego_from_radar })
         });
         let sources = Sources {

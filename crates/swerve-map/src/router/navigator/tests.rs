@@ -2,7 +2,7 @@ use swerve_geom::{FrenetPoint, Point2, Polyline};
 
 use super::*;
 use crate::router::find;
-use crate::{Borders, Lane};
+use crate::{Borders, Lane, Neighbour};
 
 fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
     let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
@@ -119,6 +119,34 @@ fn ego_off_the_route_gets_a_route_from_its_lane_after_one_second() {
     let mut turned = self::navigator(&[]);
     let back = |s_m: f64| Pose2::new(pose(s_m).x_m, pose(s_m).y_m, 3.0);
     assert!(!turned.update(0.0, back(s_m), 5.0) && !turned.update(2.0, back(s_m - 5.0), 5.0));
+}
+
+/// Two lanes side by side on two roads, of which only the right one leads to the destination.
+#[test]
+fn ego_that_overtakes_keeps_its_route_until_the_lanes_part() {
+    let beside = |mut lane: Lane, left: Option<u32>, right: Option<u32>| {
+        let neighbour = |id: u32| Neighbour { lane: LaneId(id), opposite: false };
+        (lane.left, lane.right) = (left.map(neighbour), right.map(neighbour));
+        lane
+    };
+    let map = Map::new(vec![
+        beside(lane(1, &[(0.0, 0.0), (300.0, 0.0)], &[2]), Some(11), None),
+        beside(lane(11, &[(0.0, 3.5), (300.0, 3.5)], &[12]), None, Some(1)),
+        beside(lane(2, &[(300.0, 0.0), (600.0, 0.0)], &[3]), Some(12), None),
+        beside(lane(12, &[(300.0, 3.5), (600.0, 3.5)], &[13]), None, Some(2)),
+        lane(3, &[(600.0, 0.0), (700.0, 0.0)], &[]),
+        lane(13, &[(600.0, 3.5), (700.0, 10.0)], &[]),
+    ]);
+    let map = Arc::new(map.unwrap());
+    let stops = [stop(1, 10.0), stop(3, 50.0)];
+    let (route, _) = Route::over(&map, &find_over(&map, &stops, &[]).unwrap(), 0.0, 25.0).unwrap();
+    let mut navigator = Navigator::new(map, route, &stops, 0.0, 25.0);
+    // A change takes 75 m: from 525 m on, the ego does not return in time.
+    let mut renewed =
+        (0..560).filter(|s_m| navigator.update(f64::from(*s_m) / 25.0, at(f64::from(*s_m), 3.5), 25.0));
+    assert_eq!(renewed.next(), Some(525));
+    drop(renewed);
+    assert_eq!(lanes(&navigator), [12, 2, 3]);
 }
 
 #[test]
