@@ -3,8 +3,8 @@
 
 usage: random_routes.py MAP FOLDER [ROUTES [SEED]]
 
-Writes ROUTES (10) scenarios with traffic into FOLDER: starts and goals are drawn from the extent of MAP until the shortest
-way between them is 0.9 to 1.6 km long and the scenario is valid. The program is SWERVE, by default `swerve`.
+Writes ROUTES (10) scenarios with traffic into FOLDER: places are drawn from the extent of MAP until the shortest way over
+them is 0.9 to 1.6 km long and the scenario is valid. The program is SWERVE, by default `swerve`.
 """
 
 import json
@@ -25,8 +25,9 @@ description = "A random route over {map} in traffic."
 file = "{path}"
 
 [ego]
-start = {{ x_m = {start[0]:.1f}, y_m = {start[1]:.1f} }}
-goal = {{ x_m = {goal[0]:.1f}, y_m = {goal[1]:.1f} }}
+start = {start}
+via = [{via}]
+goal = {goal}
 target_speed_mps = 13.9
 start_speed_mps = 0.0
 
@@ -45,6 +46,21 @@ def shown(*arguments):
     return (json.loads(done.stdout) if done.returncode == 0 else None), done.stderr.strip()
 
 
+def places(draw, extent_m, path):
+    """Places of a route, in order; None if the last one makes it too long."""
+    length_m, found = 0.0, []
+    while length_m < LENGTH_M[0]:
+        place = [draw.uniform(*extent_m[axis]) for axis in "xy"]
+        if found:
+            ends = [f"{x:.1f},{y:.1f}" for x, y in (found[-1], place)]
+            leg, _ = shown(path, "--route", *ends)
+            if not leg:
+                return None
+            length_m += leg["route"]["length_m"]
+        found.append(place)
+    return found if length_m <= LENGTH_M[1] else None
+
+
 def main():
     if len(sys.argv) < 3 or not all(text.isdigit() for text in sys.argv[3:]):
         sys.exit(__doc__)
@@ -59,14 +75,13 @@ def main():
         if draws == DRAWS_MAX * count:
             sys.exit(f"{path}: {made} routes of {LENGTH_M[0]:.0f} to {LENGTH_M[1]:.0f} m in {draws} draws, expected {count}")
         draws += 1
-        start, goal = ([draw.uniform(*network["extent_m"][axis]) for axis in "xy"] for _ in range(2))
-        ends = [f"{x:.1f},{y:.1f}" for x, y in (start, goal)]
-        found, _ = shown(str(path), "--route", *ends)
-        if not found or not LENGTH_M[0] <= found["route"]["length_m"] <= LENGTH_M[1]:
+        found = places(draw, network["extent_m"], str(path))
+        if not found:
             continue
+        start, *via, goal = (f"{{ x_m = {x:.1f}, y_m = {y:.1f} }}" for x, y in found)
         name = f"{path.stem.lower()}_{made + 1:02}"
         file = folder / f"{name}.toml"
-        file.write_text(ROUTE.format(name=name, map=path.stem, path=path, start=start, goal=goal))
+        file.write_text(ROUTE.format(name=name, map=path.stem, path=path, start=start, via=", ".join(via), goal=goal))
         if subprocess.run([PROGRAM, "check", str(file)], capture_output=True).returncode == 0:
             made += 1
         else:
