@@ -86,6 +86,7 @@ pub fn read(file: &str, text: &str, centers: Centers) -> Result<Commonroad, Prob
     };
     let mut lanes = LaneMap {
         format: format!("CommonRoad {version}").trim_end().to_owned(),
+        left_hand: false,
         map,
         names,
         types,

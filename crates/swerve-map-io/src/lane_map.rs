@@ -13,6 +13,8 @@ use crate::slope::Profile;
 pub struct LaneMap {
     /// Format and version for output.
     pub format: String,
+    /// True where traffic keeps to the left.
+    pub left_hand: bool,
     /// The map, on the flat projection: metres, x east, y north.
     pub map: Map,
     /// Identity of each lane in the file.

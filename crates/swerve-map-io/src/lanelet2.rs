@@ -96,8 +96,19 @@ pub fn read(file: &str, text: &str) -> Result<Lanelet2, Problems> {
     });
     let format = if osm.origin_deg.is_some() { "Lanelet2" } else { "Lanelet2, local coordinates" }.to_owned();
     let contents = rules.counts;
-    let mut lanes =
-        LaneMap { format, map, names, types, contents, heights_m, profiles, gaps, defects, unknown };
+    let mut lanes = LaneMap {
+        format,
+        left_hand: false,
+        map,
+        names,
+        types,
+        contents,
+        heights_m,
+        profiles,
+        gaps,
+        defects,
+        unknown,
+    };
     lanes.names.retain(|lane, _| lanes.map.lane(*lane).is_some());
     Ok(Lanelet2 { lanes, origin_deg: osm.origin_deg })
 }

@@ -21,6 +21,8 @@ use crate::{lanelet2, route, sumo};
 pub struct MapFile {
     /// The map.
     pub map: Arc<Map>,
+    /// True where traffic keeps to the left, if only on some roads.
+    pub left_hand: bool,
     names: Names,
 }
 
@@ -45,15 +47,17 @@ impl MapFile {
             Format::Lanelet2 => lanelet2::read(file, text).map(|read| read.lanes),
             Format::Sumo => sumo::read(file, text).map(|read| read.lanes),
         };
-        let LaneMap { map, names, profiles, .. } = lanes.map_err(|problems| problems.to_string())?;
-        Ok(Self { map: Arc::new(map), names: Names::Lanes(names, profiles) })
+        let LaneMap { left_hand, map, names, profiles, .. } =
+            lanes.map_err(|problems| problems.to_string())?;
+        Ok(Self { map: Arc::new(map), left_hand, names: Names::Lanes(names, profiles) })
     }
 
     fn of_network(file: &str, text: &str) -> Result<Self, String> {
         let network = Network::read(file, text).map_err(|problems| problems.to_string())?;
         let imported = import(&network, &Links::of(&network)).map_err(|error| format!("{file}: {error}"))?;
+        let left_hand = network.roads.iter().any(|road| road.left_hand);
         let names = Names::Roads(Box::new(network), imported.lanes);
-        Ok(Self { map: Arc::new(imported.map), names })
+        Ok(Self { map: Arc::new(imported.map), left_hand, names })
     }
 
     /// True if its lanes are named by road, lane and arc length along the road (OpenDRIVE); else they have a name each.

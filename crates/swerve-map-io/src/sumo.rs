@@ -165,6 +165,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     ];
     let lanes = LaneMap {
         format: format!("SUMO {}", optional(root, "version")).trim().to_owned() + traffic,
+        left_hand,
         map,
         names,
         types,

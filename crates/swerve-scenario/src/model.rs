@@ -56,6 +56,20 @@ pub struct Traffic {
 }
 
 impl Traffic {
+    /// Words of the names of its road users, such as `vehicle_1`: of vehicles, pedestrians and cyclists.
+    pub const WORDS: [&str; 3] = ["vehicle", "pedestrian", "cyclist"];
+
+    /// Returns true if one of its road users has this name.
+    pub fn has_named(&self, name: &str) -> bool {
+        let counts = [self.vehicles, self.pedestrians, self.cyclists];
+        Self::WORDS.iter().zip(counts).any(|(word, count)| {
+            let number = name.strip_prefix(word).and_then(|rest| rest.strip_prefix('_'));
+            number.is_some_and(|text| {
+                text.parse().is_ok_and(|n: usize| (1..=count).contains(&n) && n.to_string() == text)
+            })
+        })
+    }
+
     /// Number of road users, if there is a place for each.
     pub fn count(&self) -> usize {
         self.vehicles + self.pedestrians + self.cyclists
@@ -401,11 +415,11 @@ impl Scenario {
 
     /// Facts in which a drive differs from the world that the scenario describes.
     pub fn warnings(&self) -> Vec<String> {
-        let warning = match &self.road.course {
-            Course::Strip(_) => None,
-            Course::Map(course) => course.warning.as_ref(),
+        let warnings = match &self.road.course {
+            Course::Strip(_) => &[][..],
+            Course::Map(course) => &course.warnings,
         };
-        warning.map(|message| format!("map.file: {message}")).into_iter().collect()
+        warnings.iter().map(|message| format!("map.file: {message}")).collect()
     }
 
     /// The actor with this identity.

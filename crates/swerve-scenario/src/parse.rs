@@ -22,7 +22,8 @@ use crate::{
 };
 
 /// Positions along and across the road, metres.
-const PLACE: Range = Range::between(-100_000.0, 100_000.0);
+const PLACE: Range = Range::between(-PLACE_MAX_M, PLACE_MAX_M);
+const PLACE_MAX_M: f64 = 100_000.0;
 /// Speeds, m/s.
 const SPEED: Range = Range::between(0.0, 100.0);
 /// Speeds above zero, m/s.
@@ -118,7 +119,12 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     let first = traffic.map_or(0, |traffic| traffic.count()) as u32 + names.len() as u32 + 1;
     let other = |(id, (name, start, road))| OtherEgo { id: ActorId(id), name, start, road };
     let other_egos: Vec<OtherEgo> = (first..).zip(egos).map(other).collect();
-    unique(&tables, &names, &ego_name, &other_egos);
+    for name in [&ego_name].into_iter().chain(other_egos.iter().map(|other| &other.name)) {
+        if traffic.is_some_and(|traffic| traffic.has_named(name)) {
+            top.reading().report(&format!("ego.{name}"), format!("{OF_TRAFFIC} \"{name}\" already"));
+        }
+    }
+    unique(&tables, &names, (&ego_name, &other_egos), traffic.as_ref());
     // Actors are numbered in the order of the text, from 1; then come the traffic and other egos.
     let named = (1..).zip(&names).map(|(k, name)| (ActorId(k), name.as_str()));
     let others = other_egos.iter().map(|other| (other.id, other.name.as_str()));
@@ -157,6 +163,8 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
     scenario
 }
 
+/// Begin of the message for a name that the traffic uses.
+const OF_TRAFFIC: &str = "a road user of `[traffic]` is named";
 /// Largest number of road users of the traffic.
 const TRAFFIC_MAX: i64 = 2_000;
 
@@ -340,7 +348,12 @@ fn end(top: &TableReader<'_>, known: &[(ActorId, &str)]) -> End {
     end
 }
 
-fn unique(tables: &[TableReader<'_>], names: &[String], ego: &str, others: &[OtherEgo]) {
+fn unique(
+    tables: &[TableReader<'_>],
+    names: &[String],
+    (ego, others): (&str, &[OtherEgo]),
+    traffic: Option<&Traffic>,
+) {
     let mut seen = BTreeSet::new();
     for (table, name) in tables.iter().zip(names) {
         addressable(table, name);
@@ -351,6 +364,9 @@ fn unique(tables: &[TableReader<'_>], names: &[String], ego: &str, others: &[Oth
         }
         if !name.is_empty() && !seen.insert(name) {
             table.report("name", format!("another actor is named \"{name}\" already"));
+        }
+        if traffic.is_some_and(|traffic| traffic.has_named(name)) {
+            table.report("name", format!("{OF_TRAFFIC} \"{name}\" already"));
         }
     }
 }

@@ -22,13 +22,13 @@ pub fn with_traffic(mut scenario: Scenario, shape: &Shape, seed: u64) -> Scenari
     let mut numbers = [0_usize; 3];
     let placed = traffic.actors().iter().filter_map(|actor| {
         let pose = traffic.movement(actor.id, Time::ZERO)?.pose;
-        let (k, word) = match actor.kind {
-            ActorKind::Pedestrian => (1, "pedestrian"),
-            ActorKind::Cyclist => (2, "cyclist"),
-            _ => (0, "vehicle"),
+        let k = match actor.kind {
+            ActorKind::Pedestrian => 1,
+            ActorKind::Cyclist => 2,
+            _ => 0,
         };
         numbers[k] += 1;
-        let name = format!("{word}_{}", numbers[k]);
+        let name = format!("{}_{}", swerve_scenario::Traffic::WORDS[k], numbers[k]);
         Some(Actor::at_rest(actor.id, name, actor.kind, actor.extent, pose))
     });
     let placed: Vec<Actor> = placed.collect();

@@ -46,9 +46,9 @@ pub struct SuiteArgs {
     /// Rules of a benchmark
     #[arg(long, value_enum, conflicts_with = "strict")]
     rules: Option<Rules>,
-    /// Version of the Leaderboard whose score is printed
-    #[arg(long, value_enum, requires = "rules", default_value = "2.1")]
-    version: VersionName,
+    /// Version of the Leaderboard whose score is printed [default: 2.1]
+    #[arg(long, value_enum, requires = "rules")]
+    version: Option<VersionName>,
     /// Print one JSON object and nothing else
     #[arg(long, requires = "rules")]
     json: bool,
@@ -129,7 +129,10 @@ impl Seeds {
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     match args.rules {
         Some(Rules::Leaderboard) => leaderboard::run(args, registry),
-        Some(Rules::Nhtsa) => nhtsa::run(args, registry),
+        Some(Rules::Nhtsa) => {
+            anyhow::ensure!(args.version.is_none(), "--version: expected with `--rules leaderboard` only");
+            nhtsa::run(args, registry)
+        }
         None => run_expected(args, registry),
     }
 }

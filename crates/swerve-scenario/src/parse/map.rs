@@ -13,7 +13,7 @@ use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, nearest, read_bytes, unpacked};
 
-use super::{ANGLE, FRICTION, PLACE, SPEED, program};
+use super::{ANGLE, FRICTION, PLACE, PLACE_MAX_M, SPEED, program};
 use crate::{Closure, Course, EgoStart, MapCourse, Road, SignalProgram, TrafficLight};
 
 /// Length of the line of an actor beyond its start or goal, metres.
@@ -22,6 +22,9 @@ const ACTOR_BEYOND_M: f64 = 1_000.0;
 const VIA_MAX: usize = 1_000;
 /// Largest distance of a place from the driving lane that it is on, metres.
 const OFF_LANE_M: f64 = 20.0;
+/// Warning for maps with left-hand traffic.
+const LEFT_HAND: &str =
+    "its traffic keeps to the left: rights of way and overtaking are those of right-hand traffic";
 
 /// A map under a scenario, while the scenario is read.
 pub(super) struct Loaded {
@@ -235,6 +238,7 @@ impl Loaded {
         let target_mps = target_mps.or_else(|| limits.reduce(f64::max));
         if target_mps.is_none() {
             table.report("target_speed_mps", "is missing: the map has no speed limit on the way");
+            table.reading().guess();
         }
         let ego = EgoStart {
             s_m: course.start_m,
@@ -279,11 +283,20 @@ impl Loaded {
 
     /// The map under the ego's route. On a way that is too steep or too much banked, that is a problem.
     fn on(&self, top: &TableReader<'_>, course: Way) -> MapCourse {
-        let warning = slopes::warning(&self.file, &course);
-        let warning = warning.unwrap_or_else(|message| {
+        let slopes = slopes::warning(&self.file, &course).unwrap_or_else(|message| {
             top.reading().report("map.file", message);
             None
         });
+        let left_hand = self.file.left_hand.then(|| LEFT_HAND.to_owned());
+        let points = course.route.line().points();
+        if let Some(far) = points.iter().find(|at| at.x_m.abs().max(at.y_m.abs()) > PLACE_MAX_M) {
+            let message = format!(
+                "the way leads over ({:.0}, {:.0}) m: expected coordinates up to {PLACE_MAX_M:.0} m, beyond which the \
+                 single precision of the physics is coarser than a centimetre; move the map towards its origin",
+                far.x_m, far.y_m
+            );
+            top.reading().report("map.file", message);
+        }
         let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
         MapCourse {
             file,
@@ -292,7 +305,7 @@ impl Loaded {
             route: course.route,
             stops: course.stops,
             closures: self.closures.clone(),
-            warning,
+            warnings: slopes.into_iter().chain(left_hand).collect(),
         }
     }
 }

@@ -24,8 +24,8 @@ pub struct MapCourse {
     pub stops: Vec<Stop>,
     /// Places that are closed to traffic, and reported to be.
     pub closures: Vec<Closure>,
-    /// Slopes on the way that driving on the flat projection neglects; `None` where these are small.
-    pub warning: Option<String>,
+    /// What drives on the map neglect: slopes that are not small, and traffic that keeps to the left.
+    pub warnings: Vec<String>,
 }
 
 /// A place on a lane that is closed to traffic.

@@ -107,12 +107,9 @@ struct Entry {
     outside_route_lanes_percent: f64,
     #[serde(default)]
     min_speed_checkpoints_percent: Vec<f64>,
-    #[serde(default)]
-    route_dev: u32,
-    #[serde(default)]
-    vehicle_blocked: u32,
-    #[serde(default)]
-    route_timeout: u32,
+    route_dev: Option<u32>,
+    vehicle_blocked: Option<u32>,
+    route_timeout: Option<u32>,
     #[serde(default)]
     status: ByVersion<String>,
     #[serde(default)]
@@ -123,12 +120,20 @@ struct Entry {
 }
 
 impl Entry {
+    /// Events that end the route, each with its count and the number beside the counts.
+    fn beside<'a>(&self, counts: &'a mut Counts) -> [(&'static str, &'a mut u32, Option<u32>); 3] {
+        [
+            ("route_dev", &mut counts.route_dev, self.route_dev),
+            ("vehicle_blocked", &mut counts.vehicle_blocked, self.vehicle_blocked),
+            ("route_timeout", &mut counts.route_timeout, self.route_timeout),
+        ]
+    }
+
     fn record(&self, version: Version) -> RouteRecord {
         let mut counts = self.counts;
-        // Events that end the route may be given beside the counts.
-        counts.route_dev += self.route_dev;
-        counts.vehicle_blocked += self.vehicle_blocked;
-        counts.route_timeout += self.route_timeout;
+        for (_, count, beside) in self.beside(&mut counts) {
+            *count = beside.unwrap_or(*count);
+        }
         let failure = self.status.of(version).and_then(|text| reason(text).ok().flatten());
         match failure {
             Some(Failure::Blocked) => counts.vehicle_blocked = counts.vehicle_blocked.max(1),
@@ -259,6 +264,9 @@ fn case(key: &str, entry: Entry, before: &[Case], found: &mut Vec<KeyProblem>) -
         found.push((format!("{key}.name"), "is missing: expected a text".to_owned()));
         String::new()
     });
+    if !name.is_empty() && before.iter().any(|case| case.name == name) {
+        found.push((format!("{key}.name"), format!("another case is named \"{name}\" already")));
+    }
     let is_total = routes.is_some();
     let routes = match routes {
         None => {
@@ -330,15 +338,18 @@ fn check(key: &str, entry: &Entry, found: &mut Vec<KeyProblem>) {
     for (k, percent) in entry.min_speed_checkpoints_percent.iter().enumerate() {
         within(&format!("min_speed_checkpoints_percent[{k}]"), Some(*percent), [0.0, 1e9]);
     }
-    let counts = entry.counts.each();
-    let beside = [entry.route_dev, entry.vehicle_blocked, entry.route_timeout];
-    let names = ["route_dev", "vehicle_blocked", "route_timeout"];
-    for (name, count) in counts
-        .map(|(name, count)| (format!("counts.{name}"), count))
-        .into_iter()
-        .chain(names.into_iter().map(str::to_owned).zip(beside))
-    {
-        within(&name, Some(f64::from(count)), [0.0, 1e6]);
+    for (name, count) in entry.counts.each() {
+        within(&format!("counts.{name}"), Some(f64::from(count)), [0.0, 1e6]);
+    }
+    let mut counts = entry.counts;
+    let beside = entry.beside(&mut counts).map(|(name, count, beside)| (name, *count, beside));
+    for (name, _, beside) in beside {
+        within(name, Some(beside.map_or(0.0, f64::from)), [0.0, 1e6]);
+    }
+    for (name, count, beside) in beside {
+        if let Some(beside) = beside.filter(|beside| count > 0 && *beside != count) {
+            found.push((format!("{key}.{name}"), format!("expected {count} as in `counts`, found {beside}")));
+        }
     }
     for (version, text) in entry.status.each() {
         if let Err(message) = reason(text) {

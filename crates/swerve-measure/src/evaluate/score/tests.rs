@@ -93,7 +93,8 @@ fn all_problems_of_a_file_are_reported_with_line_and_key() {
   { "name": "all", "routes": [
     { "route": "tenth case above" },
     { "routes": [], "expect": { "2.x": { "mean": 1 } } } ],
-    "route_completion": 1 }
+    "route_completion": 1 },
+  { "name": "all", "route_length_m": 1, "route_completion": 1, "counts": { "route_dev": 1 }, "route_dev": 0 }
  ],
  "counting": { "events": [[2, "vehicle", 1, 0, 0], [1, "vehicle", 1, 0, 0]] }
 }"#;
@@ -121,7 +122,9 @@ fn all_problems_of_a_file_are_reported_with_line_and_key() {
         "meant.json:7: cases[1].routes[0].route: expected the name of an earlier case of one route",
         "meant.json:8: cases[1].routes[1].expect: expected only in a case",
         "meant.json:8: cases[1].routes[1].routes: expected no routes inside of routes",
-        "meant.json:11: counting.events[1]: expected at least 2 s, the instant before, found 1",
+        "meant.json:10: cases[2].name: another case is named \"all\" already",
+        "meant.json:10: cases[2].route_dev: expected 1 as in `counts`, found 0",
+        "meant.json:12: counting.events[1]: expected at least 2 s, the instant before, found 1",
     ]
     .into_iter()
     .enumerate()

@@ -177,6 +177,51 @@ fn over(file: &str, map: &str, start: &str, goal: &str) -> Result<Scenario, Stri
 }
 
 #[test]
+fn left_hand_traffic_is_a_warning_and_a_way_far_from_the_origin_is_refused() {
+    let net = include_str!("../../../../swerve-map-io/maps/junction.net.xml");
+    let (start, goal) = ("{ lane = \"in_2\", s_m = 20.0 }", "{ lane = \"in_2\", s_m = 60.0 }");
+    let left = over("m.net.xml", &net.replace("<net ", "<net lefthand=\"true\" "), start, goal).unwrap();
+    assert_eq!(left.warnings(), [format!("map.file: {LEFT_HAND}")]);
+    let far = over(
+        "m.net.xml",
+        &net.replace("netOffset=\"100.00,50.00\"", "netOffset=\"0.00,-200000.00\""),
+        start,
+        goal,
+    );
+    let error = far.unwrap_err();
+    assert!(
+        error.starts_with("x.toml:3: map.file: the way leads over (")
+            && error.contains("expected coordinates up to 100000 m"),
+        "{error}"
+    );
+}
+
+#[test]
+fn names_of_the_traffic_are_taken() {
+    let net = include_str!("../../../../swerve-map-io/maps/junction.net.xml");
+    let text = "name = \"test\"\n[map]\nfile = \"m.net.xml\"\n[ego.cyclist_2]\nstart = { lane = \"in_2\", s_m = 20.0 }\n\
+                goal = { lane = \"in_2\", s_m = 60.0 }\n[traffic]\nvehicles = 3\ncyclists = 2\n";
+    let read = |text: &str| {
+        let read = Scenario::parse_on("x.toml", text, Some(&Arc::from(net)), &[]);
+        read.map(drop).map_err(|problems| problems.to_string())
+    };
+    let error = read(text).unwrap_err();
+    assert!(
+        error.contains("ego.cyclist_2: a road user of `[traffic]` is named \"cyclist_2\" already"),
+        "{error}"
+    );
+    for (name, is_taken) in
+        [("vehicle_3", true), ("vehicle_4", false), ("vehicle_03", false), ("pedestrian_1", false)]
+    {
+        let actor = format!(
+            "[[actor]]\nname = \"{name}\"\nkind = \"car\"\nstart = {{ lane = \"in_2\", s_m = 50.0 }}\n"
+        );
+        let found = read(&(text.replace("ego.cyclist_2", "ego") + &actor));
+        assert_eq!(found.is_err_and(|error| error.contains("`[traffic]`")), is_taken, "{name}");
+    }
+}
+
+#[test]
 fn hills_of_other_formats_are_refused_with_their_lane_and_place() {
     const LIMITS: &str = "vehicles are driven on the flat projection of the map, expected a grade of at most 8 % and a \
                           bank of at most 10 %";
