@@ -200,14 +200,7 @@ impl Summary {
             let _ = writeln!(text, "  {:<20}{}", format!("ego {ego}"), outcome(metrics));
         }
         text += &operators(&m.operators);
-        let never: Vec<&str> = m.operators.iter().filter(|o| o.steps == 0).map(|o| &*o.operator).collect();
-        if !never.is_empty() {
-            let _ = writeln!(
-                text,
-                "no step of {} ended: what they read did not arrive, or they took too long",
-                never.join(", ")
-            );
-        }
+        text += &without_steps(&m.operators);
         text += &self.why.as_ref().map_or_else(String::new, Why::text);
         text += &self.rungs_text;
         text += &self.clock_text();
@@ -257,6 +250,15 @@ fn operators(of: &[OperatorMetrics]) -> String {
         vec![o.operator.clone(), steps, ms(o.p50_ms), ms(o.p99_ms), misses, drops]
     });
     align(&std::iter::once(head).chain(lines).collect::<Vec<_>>())
+}
+
+/// Line on operators of which no step ended; empty without such operators.
+fn without_steps(of: &[OperatorMetrics]) -> String {
+    let never: Vec<&str> = of.iter().filter(|o| o.steps == 0).map(|o| &*o.operator).collect();
+    if never.is_empty() {
+        return String::new();
+    }
+    format!("no step of {} ended: what they read did not arrive, or they took too long\n", never.join(", "))
 }
 
 /// Rows on time to collision, use of the opposite lane, and plans of the comfortable layer.
