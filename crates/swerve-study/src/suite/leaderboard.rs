@@ -13,6 +13,7 @@ use swerve_drive::problems_error;
 use swerve_drive::shipped::Kind;
 use swerve_eval::score::DrivingScores;
 use swerve_eval::score::leaderboard::{RouteRecord, Version, total};
+use swerve_measure::evaluate::VersionName;
 use swerve_report::output::{align, print};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -55,7 +56,7 @@ struct Route {
 
 /// Runs `swerve suite --rules leaderboard`.
 pub(super) fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
-    let version = args.version.unwrap_or(super::VersionName::V2_1).version();
+    let version = args.version.unwrap_or(VersionName::V2_1).version();
     let given = match args.scenarios.is_empty() {
         true => vec![PathBuf::from(ROUTES)],
         false => args.scenarios.clone(),
@@ -232,7 +233,7 @@ mod tests {
         let file = route.display().to_string();
         let words = ["suite", &file, "--rules", "leaderboard", "--seeds", "2", "--set", "sensing.range_m=1"];
         let args = Line::try_parse_from(words).unwrap().suite;
-        let version = args.version.unwrap_or(super::VersionName::V2_1).version();
+        let version = args.version.unwrap_or(VersionName::V2_1).version();
         let steps = vec![step("short".into(), route.into(), version).unwrap()];
         let seeds = args.seeds.as_ref().unwrap().counted().unwrap();
         let study = crate::suite::study(&args, steps, &seeds).unwrap();
