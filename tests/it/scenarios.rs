@@ -88,6 +88,25 @@ fn nhtsa_scenarios_are_met_neither_by_standing_nor_by_blind_egos() {
     }
 }
 
+/// The outcome of `scenarios/seeing/` depends on when the actor `hazard` is seen: a car that is blind to it collides with
+/// it, and so does one whose plans are late.
+#[test]
+fn seeing_scenarios_are_met_neither_by_blind_nor_by_late_egos() {
+    let seeing: Vec<PathBuf> =
+        files().into_iter().filter(|file| file.parent().unwrap().ends_with("seeing")).collect();
+    assert!(seeing.len() >= 8, "only {} scenarios found", seeing.len());
+    let blind = config(&["sensing.unseen=[\"hazard\"]"]);
+    let late = config(&["planning.added_latency_ms=1500"]);
+    for file in &seeing {
+        let scenario = read_scenario(file).unwrap();
+        let hazard = scenario.actors.iter().find(|actor| actor.name == "hazard").map(|actor| actor.id);
+        for config in [&blind, &late] {
+            let hit = drive(config, &scenario).unwrap().metrics.impact.map(|impact| impact.actor);
+            assert!(hit.is_some() && hit == hazard, "{}: hit {hit:?}", scenario.name);
+        }
+    }
+}
+
 #[test]
 fn other_seeds_give_the_same_result() {
     for (name, seeds) in [("person_behind_truck", 2..5), ("person_behind_parked_car", 2..4)] {

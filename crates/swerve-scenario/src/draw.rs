@@ -5,6 +5,7 @@
 //! | start of each ego along the road | ±0.5 m | [`Scenario::drawn`] |
 //! | speed of each ego (start and target) | ±0.2 m/s | [`Scenario::drawn`] |
 //! | distance of each distance trigger | ±0.25 m | [`Scenario::drawn`] |
+//! | start, direction and speed of an actor | its [`Vary`](crate::Vary) | [`Scenario::drawn`] |
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
 //! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
 
@@ -45,6 +46,7 @@ impl Scenario {
             other.start.start_speed_mps = other.start.start_speed_mps.map(faster);
         }
         for (i, actor) in drawn.actors.iter_mut().enumerate() {
+            actor.varied(seed, i);
             if let Some(Trigger::Distance { within_m, .. }) = &mut actor.trigger {
                 draws.trigger_m[i] = within("scenario trigger", &[i as i64], TRIGGER_M);
                 *within_m = (*within_m + draws.trigger_m[i]).max(0.0);

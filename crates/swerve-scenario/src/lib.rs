@@ -61,6 +61,7 @@
 //!   { path = { speed_mps = 2.0, points = [[44.0, 1.0], [48.0, 1.0]] } },      # places [s, d]
 //!   { drive = { along = "road", speeds = [[0.0, 0.0], [3.0, 6.0]] } },        # or "heading"; or speed_mps = ...;
 //! ]                                                                           # distance_m ?
+//! vary = { s_m = 0.5, d_m = 0.3, heading_rad = 0.1, speed_share = 0.1 }      # ? half ranges of the seed's changes
 //!
 //! [end]                                               # ?
 //! timeout_s = 30.0                                    # ?
@@ -140,6 +141,7 @@ mod parse;
 mod road;
 mod set;
 mod slippery;
+mod vary;
 
 pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
@@ -153,3 +155,4 @@ pub use set::{is_scenario_key, split_sets};
 pub use slippery::Slippery;
 pub use swerve_map::{Aspect, SignalPhase, SignalProgram};
 pub use swerve_msg::truth::Verdict;
+pub use vary::Vary;

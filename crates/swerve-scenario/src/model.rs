@@ -5,7 +5,7 @@ use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
 use crate::parse::usual_mass_kg;
-use crate::{Course, Expectation, Road, Slippery, Verdict};
+use crate::{Course, Expectation, Road, Slippery, Vary, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug)]
@@ -172,6 +172,8 @@ pub struct Actor {
     pub trigger: Option<Trigger>,
     /// Legs of its motion in sequence; it is at rest afterwards. Empty: it never moves.
     pub motion: Vec<Motion>,
+    /// Half ranges of the seed's changes.
+    pub vary: Vary,
 }
 
 /// The ego or an actor.
@@ -223,6 +225,8 @@ pub enum Motion {
         distance_m: f64,
         /// Direction relative to the road at the start of the leg.
         direction: Direction,
+        /// Turn from that direction by the seed, radians; positive to the left.
+        turn_rad: f64,
     },
     /// Drive with a speed profile over time.
     Drive {
@@ -376,6 +380,7 @@ impl Scenario {
                 heading_rad: other.start.heading_rad,
                 trigger: None,
                 motion: Vec::new(),
+                vary: Vary::default(),
             };
             self.actors.insert(place, actor);
             if let Some(draws) = &mut self.draws {
@@ -450,6 +455,7 @@ impl Actor {
             heading_rad: 0.0,
             trigger: None,
             motion: Vec::new(),
+            vary: Vary::default(),
         }
     }
 

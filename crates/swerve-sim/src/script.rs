@@ -108,7 +108,7 @@ fn courses(
     let steady = |speed_mps| vec![SpeedPoint { at_s: 0.0, speed_mps }];
     match motion {
         Motion::Wait { for_s } => vec![(Course::Straight(at), steady(0.0), *for_s)],
-        Motion::Walk { speed_mps, distance_m, direction } => {
+        Motion::Walk { speed_mps, distance_m, direction, turn_rad } => {
             let road = line.at(place.s_m).pose.heading_rad;
             let quarter = core::f64::consts::FRAC_PI_2;
             let turn = match direction {
@@ -117,7 +117,7 @@ fn courses(
                 Direction::Right => -quarter,
                 Direction::Back => core::f64::consts::PI,
             };
-            let from = Pose2::new(at.x_m, at.y_m, road + turn);
+            let from = Pose2::new(at.x_m, at.y_m, road + turn + turn_rad);
             vec![(Course::Straight(from), steady(*speed_mps), distance_m / speed_mps)]
         }
         Motion::Drive { along, speeds, distance_m } => {

@@ -37,6 +37,7 @@ mod stage;
 mod standard;
 pub mod street;
 mod trackers;
+mod unseen;
 
 pub use assembly::Assembly;
 pub use behaviours::NamedBehaviour;

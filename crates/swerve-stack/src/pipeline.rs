@@ -25,6 +25,7 @@ use crate::problems::KeyProblems;
 use crate::setup::Setup;
 use crate::site::{Building, OnRung, Site, Surroundings};
 use crate::stage::{self, Rendered, SharedStage, StreamMemory};
+use crate::unseen::Unseen;
 
 pub use crate::controllers::controller;
 
@@ -161,6 +162,9 @@ impl Pipeline {
         let (route, vehicle) = (scenario.road.route(), setup.sim.vehicle.clone());
         if !scenario.other_egos.is_empty() {
             problem_of_several(setup).map_or(Ok(()), |problem| Err(anyhow!(problem)))?;
+        }
+        if setup.live.is_none() {
+            Unseen::new(&setup.sensing, &scenario)?;
         }
         let others = OtherStack::all(given, &scenario)?;
         let names = match others.is_empty() {

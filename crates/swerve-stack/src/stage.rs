@@ -16,6 +16,7 @@ use crate::config::Config;
 use crate::config::camera::{RenderBackend, RenderConfig};
 use crate::config::clock::Clock;
 use crate::street::Street;
+use crate::unseen::Unseen;
 
 /// Shared resources of all cameras and lidars of a run: the visible world, and renderers and trees for images and rays.
 ///
@@ -37,6 +38,7 @@ struct Set {
 /// The newest requested state.
 struct Shown {
     street: Street,
+    unseen: Unseen,
     tree: Arc<SceneTree>,
     /// State that the street shows.
     shown: Option<Time>,
@@ -68,7 +70,9 @@ impl Stage {
             let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
             (street, renderer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
         });
-        let (first, shown) = (first?, Shown { street, tree: Arc::default(), shown: None, planted: None });
+        let unseen = Unseen::new(&config.sensing, scenario)?;
+        let shown = Shown { street, unseen, tree: Arc::default(), shown: None, planted: None };
+        let first = first?;
         // An adapter works for one caller at a time, and so do the threads of a renderer with its own threads.
         let more = (!is_wall && first.backend() == Backend::Cpu).then_some(render);
         let renderers = Renderers { free: Mutex::new(vec![first]), returned: Condvar::new(), more };
@@ -124,7 +128,7 @@ impl Stage {
 impl Shown {
     fn show(&mut self, world: &WorldState) {
         if self.shown != Some(world.stamp) {
-            self.street.show(world);
+            self.street.show(&self.unseen.seen(world));
             self.shown = Some(world.stamp);
         }
     }

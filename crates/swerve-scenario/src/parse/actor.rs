@@ -3,7 +3,7 @@ use swerve_text::{Range, TableReader};
 
 use super::map::{Loaded, line_of};
 use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, identity, unknown_actor};
-use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
+use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger, Vary};
 
 /// Kind, name in files, default size (length, width, height in metres) and mass (kg).
 const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
@@ -66,6 +66,7 @@ pub(super) fn read(
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
         trigger: trigger(table, ego, known),
         motion,
+        vary: Vary::read(table),
         line: course.map(line_of),
     };
     if actor.trigger.is_some() && actor.motion.is_empty() {
@@ -186,6 +187,7 @@ fn walk(leg: &TableReader<'_>) -> Motion {
         speed_mps: leg.number("speed_mps", MOVING),
         distance_m: leg.number("distance_m", WAY),
         direction: WAYS[leg.one_of("direction", &WAYS.map(|(_, name)| name)).unwrap_or(0)].0,
+        turn_rad: 0.0,
     }
 }
 

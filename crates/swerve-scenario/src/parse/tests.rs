@@ -17,7 +17,7 @@ fn person_behind_truck_is_read_as_written() {
         (117.0, 4.5, 0.5, 1.8)
     );
     assert_eq!(person.trigger, Some(Trigger::Distance { to: Subject::Ego, within_m: 26.0 }));
-    let walk = Motion::Walk { speed_mps: 2.75, distance_m: 4.5, direction: Direction::Right };
+    let walk = Motion::Walk { speed_mps: 2.75, distance_m: 4.5, direction: Direction::Right, turn_rad: 0.0 };
     assert_eq!(person.motion, [walk]);
     let road = &scenario.road;
     let strip = road.strip().unwrap();
@@ -33,7 +33,8 @@ fn shipped_scenarios_are_valid_and_named_after_their_files() {
     let mut names = Vec::new();
     let files =
         |folder: std::path::PathBuf| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    for path in files(folder.clone()).filter(|path| path.is_file()).chain(files(folder.join("everyday"))) {
+    let folders = ["everyday", "seeing"].into_iter().flat_map(|name| files(folder.join(name)));
+    for path in files(folder.clone()).filter(|path| path.is_file()).chain(folders) {
         let scenario = Scenario::read(&path).unwrap_or_else(|problems| panic!("{problems:#?}"));
         assert_eq!(path.file_stem().unwrap().to_str().unwrap(), scenario.name);
         names.push(scenario.name);

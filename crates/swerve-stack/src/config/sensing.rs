@@ -37,6 +37,10 @@ pub struct SensingConfig {
     /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up, when absent.
     #[ranges(nested)]
     pub mount: Option<SensorMount>,
+    /// Actors of the scenario that no sensor sees: neither the obstacle sensor, also before an emulated detector, nor
+    /// cameras, lidars and radars. Physics, triggers and metrics still have them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unseen: Vec<String>,
     /// Detects traffic lights of the scenario as the obstacle sensor detects actors, and stops at red ones; an operator
     /// of the kind `traffic_lights` replaces the sensor. When absent with the planning preset `best`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,6 +91,7 @@ impl Default for SensingConfig {
             fov_deg: 360.0,
             range_person_m: None,
             mount: None,
+            unseen: Vec::new(),
             traffic_lights: None,
             pose_period_ms: 10.0,
             imu_period_ms: 10.0,

@@ -12,6 +12,7 @@ use crate::config::execution::span_of_ms;
 use crate::kind::{Kind, Node, Settings};
 use crate::section::Section;
 use crate::site::Site;
+use crate::unseen::Unseen;
 
 /// Publishes signals of the scenario's lights, with the limits of the obstacle sensor.
 pub(super) struct LightSensor {
@@ -19,6 +20,7 @@ pub(super) struct LightSensor {
     mount: SensorMount,
     params: SensorParams,
     news: RouteNews,
+    unseen: Unseen,
 }
 
 /// The newest state of the world, at each tick.
@@ -43,8 +45,9 @@ impl Kind for LightSensor {
 
     fn new(sensing: SensingConfig, site: &Site<'_>) -> anyhow::Result<Self> {
         let (mount, params) = sight(&sensing, &site.config().sim.vehicle.shape);
+        let unseen = Unseen::new(&sensing, &site.surroundings().scenario)?;
         let sensor = TrafficLightSensor::new(&site.surroundings().scenario.road);
-        Ok(Self { sensor, mount, params, news: RouteNews::default() })
+        Ok(Self { sensor, mount, params, news: RouteNews::default(), unseen })
     }
 
     fn timer(sensing: &SensingConfig, settings: &Settings<'_>) -> Option<Timer> {
@@ -61,7 +64,7 @@ impl Operator for LightSensor {
             self.sensor.follow(route);
         }
         if let Some(world) = input.world.get() {
-            out.send(self.sensor.sense(world, &self.mount, &self.params));
+            out.send(self.sensor.sense(&self.unseen.seen(world), &self.mount, &self.params));
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::config::perception::PerceptionConfig;
 use crate::config::{Config, SensingConfig, Source};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
+use crate::unseen::Unseen;
 
 /// Visibility of the simulated world from one mount.
 pub struct ObstacleSight {
@@ -95,10 +96,10 @@ pub(super) struct SightOut {
 pub(super) struct ObstacleSensor;
 
 /// Obstacle sensor for a tracker.
-struct ForTracker(ObstacleSight);
+struct ForTracker(ObstacleSight, Unseen);
 
 /// Obstacle sensor for an emulated detector.
-struct ForDetector(ObstacleSight);
+struct ForDetector(ObstacleSight, Unseen);
 
 /// Returns true if a detector is emulated, under checked settings.
 fn has_detector(settings: &Settings<'_>) -> bool {
@@ -129,12 +130,13 @@ impl OperatorKind for ObstacleSensor {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
         let timer = settings.drawn_timer(span_of_ms(settings.setup.sensing.period_ms));
+        let unseen = Unseen::new(&settings.setup.sensing, &site.surroundings().scenario)?;
         let Some(emulated) = &site.resolved().detector else {
-            let sensor = ForTracker(ObstacleSight::new(settings.setup, None));
+            let sensor = ForTracker(ObstacleSight::new(settings.setup, None), unseen);
             return site.add(sensor, Some(timer));
         };
         let camera = settings.setup.detector_camera(emulated.sensing);
-        let sensor = ForDetector(ObstacleSight::new(settings.setup, camera.as_ref()));
+        let sensor = ForDetector(ObstacleSight::new(settings.setup, camera.as_ref()), unseen);
         site.add(sensor, Some(timer))
     }
 }
@@ -145,6 +147,7 @@ impl Operator for ForTracker {
 
     fn step(&mut self, _: &mut Context<'_>, input: &PlacedIn, out: &mut Self::Out) {
         let Some(world) = input.world.get() else { return };
+        let world = &*self.1.seen(world);
         let Some(local) = &input.local else { return out.loan().send(self.0.obstacles(world)) };
         // Objects have no position in the map before the ego is localized.
         if let Some(believed) = believed(local.get(), world) {
@@ -167,7 +170,7 @@ impl Operator for ForDetector {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut SightOut) {
         if let Some(world) = input.world.get() {
-            let surroundings = self.0.surroundings(world);
+            let surroundings = self.0.surroundings(&self.1.seen(world));
             let Surroundings { stamp, ref obstacles, .. } = surroundings;
             out.seen.loan().send(ObstacleList { stamp, obstacles: obstacles.clone() });
             out.surroundings.loan().send(surroundings);

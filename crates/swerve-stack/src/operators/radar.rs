@@ -13,6 +13,7 @@ use crate::config::execution::span_of_ms;
 use crate::config::sensors::RadarConfig;
 use crate::kind::{Node, OnItsWay, OperatorKind, Settings};
 use crate::site::Site;
+use crate::unseen::Unseen;
 
 /// Radars, `[radar.NAME]`.
 pub(super) struct Radars;
@@ -20,6 +21,7 @@ pub(super) struct Radars;
 /// A radar on the ego: its echoes, and their sources.
 struct RadarOperator {
     radar: Radar,
+    unseen: Unseen,
     seed: u64,
 }
 
@@ -72,8 +74,9 @@ impl OperatorKind for Radars {
             anyhow::bail!("radar.{}: there is no such table", settings.name);
         };
         let wrong = |problems| anyhow::anyhow!("radar.{}: {problems:?}", settings.name);
-        let operator =
-            RadarOperator { radar: config.radar(vehicle).map_err(wrong)?, seed: settings.setup.seed };
+        let radar = config.radar(vehicle).map_err(wrong)?;
+        let unseen = Unseen::new(&settings.setup.sensing, &site.surroundings().scenario)?;
+        let operator = RadarOperator { radar, unseen, seed: settings.setup.seed };
         let timer = settings.drawn_timer(span_of_ms(config.period_ms()));
         site.add(operator, Some(timer))
     }
@@ -85,7 +88,7 @@ impl Operator for RadarOperator {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
         let Some(world) = input.world.get() else { return };
-        let (scan, sources) = self.radar.scan(world, cx.name(), self.seed);
+        let (scan, sources) = self.radar.scan(&self.unseen.seen(world), cx.name(), self.seed);
         out.scan.send(scan);
         out.truth.send(sources);
     }

@@ -159,7 +159,9 @@ fn ways(scenario: &Scenario, line: &Polyline) -> Vec<Point2> {
             let road_rad = line.at(line.project(at.point()).s_m).pose.heading_rad;
             let (heading_rad, distance_m) = match leg {
                 Leg::Wait { .. } => continue,
-                Leg::Walk { distance_m, direction, .. } => (road_rad + turn(*direction), *distance_m),
+                Leg::Walk { distance_m, direction, turn_rad, .. } => {
+                    (road_rad + turn(*direction) + turn_rad, *distance_m)
+                }
                 Leg::Drive { distance_m, .. } => (at.heading_rad, distance_m.unwrap_or(DRIVE_M)),
                 Leg::Path { points: corners, .. } => {
                     for corner in corners {

@@ -16,7 +16,7 @@ use swerve_perception::camera::Shot;
 use swerve_perception::detector::Sensing;
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
-use swerve_scenario::{Actor, Course, Direction, Motion, PAVEMENT_M, Scenario, Segment, Strip};
+use swerve_scenario::{Actor, Course, Direction, Motion, PAVEMENT_M, Scenario, Segment, Strip, Vary};
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::Setup;
 use swerve_stack::config::camera::CameraConfig;
@@ -70,7 +70,8 @@ pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario
             d_m,
             heading_rad: 0.0,
             trigger: None,
-            motion: vec![Motion::Walk { speed_mps: WALK_MPS, distance_m: 1e4, direction }],
+            motion: vec![Motion::Walk { speed_mps: WALK_MPS, distance_m: 1e4, direction, turn_rad: 0.0 }],
+            vary: Vary::default(),
         }
     };
     straight.actors = (0..timely.walkers).map(person).collect();
