@@ -49,7 +49,7 @@ fn scenario(actors: &str) -> Scenario {
 
 fn setup(text: &str, unseen: &[&str]) -> Setup {
     let unseen = unseen.iter().map(|name| toml::Value::from(*name)).collect();
-    let document = Document::parse("c.toml", text.to_owned()).unwrap();
+    let document = Document::parse("c.toml", text).unwrap();
     Setup::from_document(&document, &[("sensing.unseen".to_owned(), toml::Value::Array(unseen))]).unwrap()
 }
 
