@@ -52,8 +52,6 @@ pub struct Net {
     pub net_offset_m: [f64; 2],
     /// Projection as a PROJ text; may be empty. Not interpreted.
     pub projection: String,
-    /// True where traffic keeps to the left.
-    pub left_hand: bool,
     /// The lane of the file for each [`LaneId`](swerve_map::LaneId), by its number.
     pub sources: Vec<NetLane>,
     /// Programs of traffic lights, in the order of the file.
@@ -182,5 +180,5 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     };
     let projection =
         location.map(|at| optional(at, "projParameter")).filter(|text| text != "!").unwrap_or_default();
-    Some(Net { lanes, net_offset_m: offset_m, projection, left_hand, sources, programs })
+    Some(Net { lanes, net_offset_m: offset_m, projection, sources, programs })
 }

@@ -38,7 +38,7 @@ impl Actor {
     pub(crate) fn varied(&mut self, seed: u64, index: usize) {
         let Vary { s_m, d_m, heading_rad, speed_share } = self.vary;
         let within = |name: &str, half: f64| {
-            if half > 0.0 { draw(seed, name, index).uniform(-half, half) } else { 0.0 }
+            if half > 0.0 { Rng::keyed(seed, name, &[index as i64]).uniform(-half, half) } else { 0.0 }
         };
         let (s_m, d_m) = (within("scenario actor s", s_m), within("scenario actor d", d_m));
         let turn_by_rad = within("scenario actor heading", heading_rad);
@@ -66,10 +66,6 @@ impl Actor {
             }
         }
     }
-}
-
-fn draw(seed: u64, name: &str, index: usize) -> Rng {
-    Rng::keyed(seed, name, &[index as i64])
 }
 
 #[cfg(test)]

@@ -102,20 +102,26 @@ fn fused(seen: &Recorded) -> Vec<&Detections> {
     seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
 }
 
-/// Sensors that find objects after 300 ms give the fusion old boxes only.
-#[test]
-fn late_objects_are_fused_and_tracked() {
+/// A drive towards the truck near by with `configs/fusion.toml`.
+fn drive_fused(sets: &[&str], until: Time) -> Recorded {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
     let scenario = Scenario::parse("near", &text).unwrap();
     let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/fusion.toml"));
-    let late =
-        ["operator.detector.runtime={ fixed_ms = 300 }", "operator.lidar_objects.runtime={ fixed_ms = 300 }"];
-    let config = Setup::from_document(&Document::read(config).unwrap(), &common::sets(&late)).unwrap();
+    let config = Setup::from_document(&Document::read(config).unwrap(), &common::sets(sets)).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
-    pipeline.until = Time::from_ms(1600);
+    pipeline.until = until;
     let mut seen = Recorded::default();
     drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+    seen
+}
+
+/// Sensors that find objects after 300 ms give the fusion old boxes only.
+#[test]
+fn late_objects_are_fused_and_tracked() {
+    let late =
+        ["operator.detector.runtime={ fixed_ms = 300 }", "operator.lidar_objects.runtime={ fixed_ms = 300 }"];
+    let seen = drive_fused(&late, Time::from_ms(1600));
     let tracks = seen.tracks.last().expect("there are lists");
     let world = seen.worlds.iter().find(|world| world.stamp >= tracks.stamp).unwrap();
     let truck = world.actors[0].pose.point();
@@ -130,18 +136,10 @@ fn late_objects_are_fused_and_tracked() {
 /// camera's class and the lidar's position if both see it, else with those of the remaining sensor.
 #[test]
 fn fused_object_persists_when_a_sensor_is_blind() {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
-    let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
-    let scenario = Scenario::parse("near", &text).unwrap();
-    let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/fusion.toml"));
     for (blind, off_max_m) in [(None, 0.7), (Some("detector"), 0.7), (Some("lidar_objects"), 4.0)] {
         let fault = blind.map(|stream| format!("fault.blind={{ stream = \"{stream}\", drop = true }}"));
-        let sets = common::sets(&fault.iter().map(String::as_str).collect::<Vec<_>>());
-        let config = Setup::from_document(&Document::read(config).unwrap(), &sets).unwrap();
-        let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
-        pipeline.until = Time::from_ms(1000);
-        let mut seen = Recorded::default();
-        drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+        let sets: Vec<&str> = fault.iter().map(String::as_str).collect();
+        let seen = drive_fused(&sets, Time::from_ms(1000));
         let (lists, tracks) = (fused(&seen), seen.tracks.last().unwrap());
         assert!(lists.len() > 5, "{blind:?}: {}", lists.len());
         // Each sensor's position is published once, when new, so the known state of the truck is spread over the lists

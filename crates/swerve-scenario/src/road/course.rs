@@ -24,7 +24,8 @@ pub struct MapCourse {
     pub stops: Vec<Stop>,
     /// Places that are closed to traffic, and reported to be.
     pub closures: Vec<Closure>,
-    /// What drives on the map neglect: slopes that are not small, and traffic that keeps to the left.
+    /// Properties of the way that drives on the map neglect: slopes that are not small, and traffic that keeps to the
+    /// left.
     pub warnings: Vec<String>,
 }
 

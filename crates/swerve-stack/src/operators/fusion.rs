@@ -175,7 +175,9 @@ impl Operator for Fusion {
             Some(ego)
         };
         let boxes = [&input.camera, &input.lidar].map(|port| port.as_ref().and_then(Latest::get));
-        let Some(newest) = boxes.iter().flatten().map(|found| found.stamp).max() else { return };
+        let newest = boxes.iter().flatten().map(|found| found.stamp).max();
+        // A list of the same instant as the last one has no news.
+        let Some(newest) = newest.filter(|newest| Some(*newest) > self.newest) else { return };
         let [camera, lidar] = boxes.map(|found| {
             let found = found.filter(|found| newest - found.stamp <= self.age_max)?;
             Some((found, ego_at(found.stamp)?.pose))
@@ -201,8 +203,8 @@ impl Operator for Fusion {
             radar: echoes,
         };
         let Some(fused) = fuse(&sources, &self.params) else { return };
-        // A list of the same instant as the last one has no news.
-        if self.newest.is_none_or(|newest| fused.stamp > newest) {
+        // Without a pose at the newest instant, the list is of an earlier one.
+        if Some(fused.stamp) > self.newest {
             (self.newest, self.told) = (Some(fused.stamp), stamps);
             out.loan().send(fused);
         }

@@ -29,7 +29,7 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
     let map: &Map = &net.lanes.map;
     assert_eq!((net.lanes.defects.count(), net.lanes.gaps.len(), &*net.lanes.format), (0, 0, "SUMO 1.20"));
     assert_eq!(
-        (net.net_offset_m, &*net.projection, net.left_hand),
+        (net.net_offset_m, &*net.projection, net.lanes.left_hand),
         ([100.0, 50.0], "+proj=utm +zone=32", false)
     );
     let lane = |name| map.lane(id(&net, name)).unwrap();
@@ -58,7 +58,7 @@ fn lanes_have_the_kind_width_speed_and_neighbours_of_the_file() {
     let left_hand = self::net(&SMALL.replace("<net ", "<net lefthand=\"true\" "));
     assert_eq!(left_hand.lanes.format, "SUMO 1.20, left-hand traffic");
     let bus = left_hand.lanes.map.lane(id(&left_hand, "in_1")).unwrap();
-    assert_eq!((left_hand.left_hand, bus.left, bus.right), (true, beside("in_0"), beside("in_2")));
+    assert_eq!((left_hand.lanes.left_hand, bus.left, bus.right), (true, beside("in_0"), beside("in_2")));
     // Both begin at one place: not beside each other.
     assert_eq!((lane(":J_1_0").left, lane(":J_1_1").right), (None, None));
 }
@@ -73,7 +73,7 @@ fn lines_between_lanes_of_an_edge_follow_the_permissions_to_change() {
             lane.marks.at(side, 1.0).map(|mark| mark.kind)
         };
         // Of the lane for buses at the outside and of that for cars.
-        let sides = if net.left_hand { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
+        let sides = if net.lanes.left_hand { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
         [of("in_1", sides[0]), of("in_2", sides[1]), of("in_1", sides[1]), of("in_2", sides[0])]
     };
     let change = |text: &str, bus: &str, car: &str| {
