@@ -15,12 +15,14 @@ use swerve_vehicle::{Limits, Shape};
 use crate::collision::{CollisionMode, Obstacles};
 use crate::cut_in::with_gaps;
 use crate::fot::{self, Fot};
+use crate::occlusion;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::traffic::without_followers;
 
 mod beside;
 mod decision;
 mod ends;
+mod hidden;
 mod meet;
 mod scene;
 mod steer_out;
@@ -158,6 +160,9 @@ pub struct Comfort {
     gentle: Fot,
     obstacles: Obstacles,
     planner: Box<dyn Planner>,
+    occlusion: Option<occlusion::Params>,
+    /// Speed that curves and hidden places allow at the last start, m/s; infinite without a rule for hidden places.
+    sight_mps: f64,
 }
 
 impl Comfort {
@@ -170,7 +175,21 @@ impl Comfort {
     ) -> Result<Self, ParamError> {
         params.validate()?;
         let gentle = Fot::eased(gentle(&params, collision, manner), params.ease_m)?;
-        Ok(Self { params, manner, gentle, obstacles: Obstacles::default(), planner })
+        Ok(Self {
+            params,
+            manner,
+            gentle,
+            obstacles: Obstacles::default(),
+            planner,
+            occlusion: None,
+            sight_mps: f64::INFINITY,
+        })
+    }
+
+    /// The layer with a rule for hidden places.
+    #[must_use]
+    pub fn with_occlusion(self, occlusion: Option<occlusion::Params>) -> Self {
+        Self { occlusion, ..self }
     }
 }
 
@@ -200,7 +219,9 @@ impl Planner for Comfort {
         let predictions = with_gaps(predictions, ego, start.speed_mps);
         let request = &Request { predictions: &predictions, ..*request };
         let comfortable = self.comfortable(request, follower, &mut counted);
-        let plan = comfortable.unwrap_or_else(|| self.planner.plan(request, &mut counted));
+        let target_speed_mps = request.target_speed_mps.min(self.sight_mps);
+        let slower = Request { target_speed_mps, ..*request };
+        let plan = comfortable.unwrap_or_else(|| self.planner.plan(&slower, &mut counted));
         Plan { work: counted.spent, ..plan }
     }
 }

@@ -56,8 +56,11 @@ fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     let speed_mps = start.speed_mps.max(0.0);
     let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
     let radius_m = (speed_mps * speed_mps / lateral_mps2).max(1.0 / tightest_1pm);
-    let back_m = (QUINTIC_PEAK * d_m.abs() * radius_m).sqrt().max(PATH_STEP_M);
-    let offset = Quintic::new([d_m, math::tan(off_rad.clamp(-1.0, 1.0)), 0.0], [0.0; 3], back_m);
+    let slope = math::tan(off_rad.clamp(-1.0, 1.0));
+    // Bound on the curvature at the length L: that of the offset over L², and that of the slope over L.
+    let turn_m = 0.5 * SLOPE_PEAK * slope.abs() * radius_m;
+    let back_m = (turn_m + (turn_m * turn_m + QUINTIC_PEAK * d_m.abs() * radius_m).sqrt()).max(PATH_STEP_M);
+    let offset = Quintic::new([d_m, slope, 0.0], [0.0; 3], back_m);
     let length_m = back_m.max(speed_mps * speed_mps / (2.0 * SHARES[3] * request.limits.brake_max_mps2));
     let steps = (length_m / PATH_STEP_M).ceil() as usize;
     let beside = |k: usize| {
@@ -72,6 +75,9 @@ fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
 
 /// Largest second derivative of a quintic from rest to rest, for unit distance and duration: 10 / sqrt(3).
 const QUINTIC_PEAK: f64 = 5.773_502_691_896_258;
+
+/// Largest second derivative of a quintic that ends an initial slope, for unit slope and duration.
+const SLOPE_PEAK: f64 = 3.941;
 
 /// Rest of the previous plan, if it is still collision-free and the ego is on it; `None` if it ends at rest in the lane
 /// of oncoming traffic.
@@ -263,6 +269,26 @@ mod tests {
         let blocked = oncoming.with_person((9.0, 0.0), (0.0, 0.0));
         let (_, hardest, end) = stop(&blocked);
         assert!((hardest + 8.0).abs() < 1e-9 && (end.y_m - 3.0).abs() < 1e-6, "{hardest} {end:?}");
+    }
+
+    /// An ego that heads away from its lane first has to turn: near the line, a path as short as its offset alone allows
+    /// would turn within a metre.
+    #[test]
+    fn stop_on_the_way_back_turns_no_tighter_than_the_tyres_allow() {
+        for (y_m, heading_rad) in [(0.1, 0.2), (-0.3, 0.3), (1.5, 0.25), (0.0, -0.2), (2.0, 0.0)] {
+            let mut world = World::straight(15.0);
+            world.start.pose = Pose2::new(0.0, y_m, heading_rad);
+            for share in SHARES {
+                let plan = stop_on_way_back(&world.request(), share);
+                let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+                let most_mps2 = plan.points.iter().map(lateral).fold(0.0, f64::max);
+                let left_mps2 = world.limits.lateral_accel_max_mps2 * (1.0 - share * share).sqrt();
+                assert!(
+                    most_mps2 < 1.05 * left_mps2,
+                    "{y_m} {heading_rad} {share}: {most_mps2} of {left_mps2}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@
 use swerve_geom::math;
 
 use crate::fot::line::Line;
+use crate::occlusion::Cap;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS};
 
 /// Gains of the time gap: on the relative speed, 1/s, and on the gap error, 1/s².
@@ -102,12 +103,31 @@ impl SpeedTable {
             let accel_mps = (curve.accel_mps2 / pair[0].abs().max(1e-9)).sqrt();
             accel_mps.min(math::pow(curve.jerk_mps3 / bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
         };
-        let mut speeds_mps: Vec<f64> = curvatures_1pm.windows(2).map(curve_mps).collect();
-        for k in (0..count).rev() {
-            let reached_mps = (speeds_mps[k + 1] * speeds_mps[k + 1] + 2.0 * brake_mps2 * TABLE_M).sqrt();
-            speeds_mps[k] = speeds_mps[k].min(reached_mps);
+        let speeds_mps: Vec<f64> = curvatures_1pm.windows(2).map(curve_mps).collect();
+        Self { from_m, speeds_mps }.reachable(brake_mps2)
+    }
+
+    /// The table with speed limits on parts of the line, each reachable with `brake_mps2`.
+    pub(crate) fn capped(mut self, caps: &[Cap], brake_mps2: f64) -> Self {
+        for Cap { along_m: [from_m, to_m], speed_mps } in caps {
+            for (k, speed) in self.speeds_mps.iter_mut().enumerate() {
+                let at_m = self.from_m + k as f64 * TABLE_M;
+                if at_m + TABLE_M > *from_m && at_m < *to_m {
+                    *speed = speed.min(*speed_mps);
+                }
+            }
         }
-        Self { from_m, speeds_mps }
+        self.reachable(brake_mps2)
+    }
+
+    /// The table with each speed reachable from the one before it with `brake_mps2`.
+    fn reachable(mut self, brake_mps2: f64) -> Self {
+        for k in (0..self.speeds_mps.len().saturating_sub(1)).rev() {
+            let next_mps = self.speeds_mps[k + 1];
+            let reached_mps = (next_mps * next_mps + 2.0 * brake_mps2 * TABLE_M).sqrt();
+            self.speeds_mps[k] = self.speeds_mps[k].min(reached_mps);
+        }
+        self
     }
 
     /// Speed at `s_m` for an ego at `speed_mps`, m/s: at most the speed allowed [`LEADS_S`] later.

@@ -17,6 +17,7 @@ pub mod fot;
 pub mod hybrid_astar;
 mod lane;
 mod lock;
+pub mod occlusion;
 mod passing;
 pub mod path;
 mod request;

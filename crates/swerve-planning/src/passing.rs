@@ -71,6 +71,9 @@ pub(crate) struct Passing<'a> {
     blocking: Vec<&'a Mover>,
     /// All other road users.
     others: Vec<&'a Mover>,
+    /// Oncoming car beyond the sight of an ego in its own lane, which does not move out before it to pass something
+    /// that moves.
+    unseen: Option<&'a Mover>,
     target_mps: f64,
     /// Offset to the left at which all of them are passed, metres.
     pub(crate) offset_m: f64,
@@ -165,6 +168,8 @@ impl<'a> Passing<'a> {
             return None;
         }
         let blocking = blocking.to_vec();
+        let moves = blocking.iter().any(|one| !one.stands());
+        let unseen = traffic.unseen.as_ref().filter(|_| moves && !rules.under_way);
         let passing = Self {
             rules,
             lane,
@@ -172,6 +177,7 @@ impl<'a> Passing<'a> {
             shape,
             blocking,
             others,
+            unseen,
             target_mps,
             offset_m,
             waits,
@@ -216,7 +222,8 @@ impl<'a> Passing<'a> {
             let Some((since_s, since_m)) = over_since else { continue };
             let returned = passed_s.map_or(0.0, |passed_s| ((t_s - passed_s) / RETURN_S).min(1.0));
             let at = LineState { d_m: at.d_m * (1.0 - returned), ..at };
-            if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
+            let mut others = self.others.iter().chain(&self.unseen);
+            if others.any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
                 return false;
             }
             if passed_s.is_none() && self.is_past(&at, t_s) {

@@ -39,6 +39,9 @@ const LEADS_BACK_M: f64 = 0.5;
 /// Time before and after a crossing vehicle without covariances for which its path is kept free, seconds.
 const CROSS_S: f64 = 0.5;
 
+/// Length of a car that is supposed, metres.
+const CAR_M: f64 = 4.5;
+
 /// Largest angle to the road of a motion along it, radians.
 const ALONG_RAD: f64 = 0.5;
 
@@ -194,6 +197,19 @@ impl Mover {
         self.kind == ActorKind::Static && room_m < width_m
     }
 
+    /// A car that comes along the other lane from `from_m` of the line on, with its sides at these offsets.
+    pub(crate) fn oncoming(from_m: f64, [right_m, left_m]: [f64; 2], speed_mps: f64) -> Self {
+        let count = (HORIZON_S / KNOT_S) as usize;
+        let knot = |k: usize| {
+            let t_s = k as f64 * KNOT_S;
+            let from_m = from_m - speed_mps * t_s;
+            Knot { t_s, from_m, to_m: from_m + CAR_M, right_m, left_m }
+        };
+        let knots = (0..=count).map(knot).collect();
+        let near_m = [from_m, REACH_M];
+        Self { kind: ActorKind::Car, index: 0, changed_lately: false, near_m, faces: 0.0, knots }
+    }
+
     /// Index of the knot before `t_s`.
     fn index(&self, t_s: f64) -> usize {
         ((t_s / KNOT_S).max(0.0) as usize).min(self.knots.len() - 2)
@@ -272,6 +288,8 @@ pub(crate) struct Traffic {
     /// For each prediction, true if it drives along the line in its direction.
     drives_along: Vec<bool>,
     pub(crate) movers: Vec<Mover>,
+    /// Oncoming car that may be beyond the ego's sight of the other lane.
+    pub(crate) unseen: Option<Mover>,
 }
 
 impl Traffic {

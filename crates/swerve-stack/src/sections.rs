@@ -153,6 +153,10 @@ impl PlanningConfig {
             found.push((key.to_owned(), message));
             Vec::new()
         });
+        if self.occlusion.enabled && !self.has_comfort(registry) {
+            let message = "is a rule of the comfortable layer, which `planning.comfort.enabled` enables";
+            found.push(("occlusion.enabled".into(), message.to_owned()));
+        }
         found.extend(self.rules().err().unwrap_or_default());
         found.extend(self.problems_of_names(registry));
         let on_rung = |rung: &Rung| {

@@ -35,6 +35,7 @@ impl Comfort {
     ) -> Option<Plan> {
         let limits = self.params.within(request);
         let start = taken_up(request);
+        self.sight_mps = f64::INFINITY;
         // During an uncomfortable swerve only the inner planner continues.
         if (start.speed_mps * start.yaw_rate_radps).abs() > SWERVE_SHARE * limits.lateral_accel_max_mps2 {
             return None;
@@ -42,9 +43,9 @@ impl Comfort {
         let easy = Request { start, limits: &limits, ..*request };
         let hurried_mps = hurried_mps(request.target_speed_mps, start.speed_mps, follower);
         let place = self.gentle.place(&easy);
-        let curves = self.curves(&easy, place.s_m);
+        let mut traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
+        let curves = self.in_sight(&easy, &place, &mut traffic, self.curves(&easy, place.s_m));
         let curves_mps = curves.before(place.s_m, start.speed_mps.max(0.0));
-        let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
         let mut free = |layer: &mut Self, traffic: &Traffic, slow_mps: f64| {
             let predictions =
                 if layer.manner == Manner::Waits { request.predictions } else { &traffic.predictions };

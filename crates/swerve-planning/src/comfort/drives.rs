@@ -11,6 +11,7 @@ use crate::collision::CollisionMode;
 use crate::request::{Budget, Planner, Request, Unlimited};
 use crate::testing::{braking_m, least_braking_mps2};
 
+mod hidden;
 mod overtaking;
 mod tight;
 
@@ -78,17 +79,33 @@ fn drive_from(
 /// As [`drive_from`], with a limit on the overtaking distance over the line.
 fn drive_within(
     overtake_max_m: f64,
+    ego: EgoState,
+    target_speed_mps: f64,
+    (ground_m, manner): ([f64; 2], Manner),
+    others: (ActorKind, &[Script<'_>]),
+    until_s: f64,
+) -> Vec<Instant> {
+    drive_by(layer(manner), overtake_max_m, ego, target_speed_mps, ground_m, others, until_s)
+}
+
+/// The layer alone, with default parameters.
+fn layer(manner: Manner) -> Comfort {
+    Comfort::new(Params::default(), CollisionMode::MayStop, manner, Box::new(None_)).unwrap()
+}
+
+/// As [`drive_within`], by a given layer.
+fn drive_by(
+    mut comfort: Comfort,
+    overtake_max_m: f64,
     mut ego: EgoState,
     target_speed_mps: f64,
-    ([left_m, right_m], manner): ([f64; 2], Manner),
+    [left_m, right_m]: [f64; 2],
     (kind, others): (ActorKind, &[Script<'_>]),
     until_s: f64,
 ) -> Vec<Instant> {
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(800.0, 0.0)]).unwrap();
     let route = Route::uniform(line, left_m, right_m).in_lane(Borders::constant(1.75, 1.75));
     let (shape, limits) = (Shape::default(), Limits::default());
-    let mut comfort =
-        Comfort::new(Params::default(), CollisionMode::MayStop, manner, Box::new(None_)).unwrap();
     let mut previous: Option<Plan> = None;
     let mut drive = Vec::new();
     for k in 0..(until_s / PERIOD_S) as i64 {

@@ -78,7 +78,7 @@ fn planner(
     let limits = planning.comfort.limits;
     let limits = limits.validate().map_or_else(|_| comfort::Params::default(), |()| limits);
     let layered = Comfort::new(limits, collision, manner, planner);
-    Ok(Box::new(layered.map_err(outside)?))
+    Ok(Box::new(layered.map_err(outside)?.with_occlusion(planning.occlusion())))
 }
 
 /// The paper's own planner, if it has one of this name.

@@ -9,7 +9,7 @@ use swerve_core::Ranges;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
-use swerve_planning::{CollisionMode, comfort};
+use swerve_planning::{CollisionMode, comfort, occlusion};
 use swerve_pylot::{Era, Original, Preset, Rules};
 use swerve_text::{KeyProblem, overridden};
 
@@ -147,7 +147,53 @@ pub struct PlanningConfig {
     /// Comfortable layer above the planner: its plan is driven while one is collision-free.
     #[ranges(nested)]
     pub comfort: ComfortConfig,
+    /// Hidden places: people who may step out from behind standing vehicles, and oncoming cars beyond sight.
+    #[ranges(nested)]
+    pub occlusion: OcclusionConfig,
 }
+
+/// Rule of the comfortable layer for places that the ego cannot see.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
+#[serde(deny_unknown_fields, default)]
+pub struct OcclusionConfig {
+    /// The comfortable layer slows beside standing vehicles so that it can answer a person who steps out from behind
+    /// them, and overtakes moving vehicles only as far as it sees along the other lane.
+    pub enabled: bool,
+    /// Speed of a person who steps out, m/s.
+    #[schemars(range(min = 0.1, max = 10.0))]
+    pub phantom_speed_mps: f64,
+    /// Time from the first sight of the person until the car brakes, seconds; when absent the expected time from a
+    /// sensor frame to its plan, and 0.25 s for the next frame and the brake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub reaction_s: Option<f64>,
+    /// Deceleration for the person, m/s².
+    #[schemars(range(min = 0.5, max = 20.0))]
+    pub brake_mps2: f64,
+    /// Lowest speed to which the car slows for hidden places, m/s; the default is the speed beside people in the lane.
+    #[schemars(range(min = 0.5, max = 100.0))]
+    pub least_speed_mps: f64,
+    /// Range of sight along the other lane, metres; the default is the range of the sensors.
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    pub sight_m: f64,
+}
+
+impl Default for OcclusionConfig {
+    fn default() -> Self {
+        Self {
+            enabled: false,
+            phantom_speed_mps: 2.0,
+            reaction_s: None,
+            brake_mps2: 7.0,
+            least_speed_mps: 5.5,
+            sight_m: 100.0,
+        }
+    }
+}
+
+/// Time from sight of a person to braking besides the expected time from a sensor frame to its plan, seconds: the next
+/// frame, and the build-up of the deceleration.
+const REACTS_S: f64 = 0.25;
 
 /// The comfortable layer above a planner, and its limits.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -182,6 +228,7 @@ impl Default for PlanningConfig {
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
             comfort: ComfortConfig::default(),
+            occlusion: OcclusionConfig::default(),
         }
     }
 }
@@ -246,6 +293,20 @@ impl PlanningConfig {
         self.start.unwrap_or(match self.preset {
             Preset::Paper => StartState::Measured,
             Preset::Best => StartState::Predicted,
+        })
+    }
+
+    /// Rule for hidden places, if it is enabled.
+    pub fn occlusion(&self) -> Option<occlusion::Params> {
+        let OcclusionConfig { enabled, phantom_speed_mps, reaction_s, brake_mps2, least_speed_mps, sight_m } =
+            self.occlusion;
+        let reaction_s = reaction_s.unwrap_or_else(|| 1e-3 * self.expected_ms() + REACTS_S);
+        enabled.then_some(occlusion::Params {
+            phantom_speed_mps,
+            reaction_s,
+            brake_mps2,
+            least_speed_mps,
+            sight_m,
         })
     }
 

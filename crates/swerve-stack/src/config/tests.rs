@@ -193,3 +193,20 @@ fn single_rules_override_the_eras() {
     let open = of("[planning.rules]\nsolid_left = false\n");
     assert_eq!(open, swerve_pylot::Rules { solid_left: false, ..may });
 }
+
+#[test]
+fn rule_for_hidden_places_needs_the_comfortable_layer_and_reacts_within_the_expected_latency() {
+    let on = "planning.occlusion.enabled=true";
+    let expected = "planning.occlusion.enabled: is a rule of the comfortable layer, which `planning.comfort.enabled` enables";
+    for off in ["planning.comfort.enabled=false", "planning.preset=paper"] {
+        let found = problems("", &[on, off]);
+        assert!(found.iter().any(|problem| problem.ends_with(expected)), "{found:?}");
+    }
+    let reaction_s =
+        |sets: &[&str]| config("", sets).unwrap().planning.occlusion().map(|rule| rule.reaction_s);
+    assert_eq!(reaction_s(&[]), None);
+    let soon = reaction_s(&[on]).unwrap();
+    let later = reaction_s(&[on, "planning.added_latency_ms=300"]).unwrap();
+    assert!((later - soon - 0.3).abs() < 1e-9 && soon > 0.25, "{soon} {later}");
+    assert_eq!(reaction_s(&[on, "planning.occlusion.reaction_s=0.7"]), Some(0.7));
+}

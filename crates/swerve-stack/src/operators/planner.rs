@@ -176,8 +176,10 @@ impl PlannerOperator {
             corridor: None,
             changes: Changes::default(),
         };
+        // The planner's own share of the time to its plan does not include the detector's.
+        let expecting = PlanningConfig { expected_ms: Some(config.expected_ms()), ..planning.clone() };
         Ok(Self {
-            planner: planning.planner(&config.registry).map_err(|found| wrong(&found))?,
+            planner: expecting.planner(&config.registry).map_err(|found| wrong(&found))?,
             has_comfort: planning.has_comfort(&config.registry),
             shape: vehicle.shape,
             limits: vehicle.limits,
