@@ -1,8 +1,9 @@
 //! Tracking metrics: CLEAR MOT, IDF1 and HOTA of one sequence.
 //!
 //! They match TrackEval 1.3 frame by frame, including its tolerance of one unit in the last place at thresholds and its
-//! order of matching. A ratio with a zero denominator is `None`, where TrackEval prints 0 or 1.
+//! choice among equal boxes. A ratio with a zero denominator is `None`, where TrackEval prints 0 or 1.
 
+mod assignment;
 mod clear;
 mod hota;
 mod identity;

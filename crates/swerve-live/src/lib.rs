@@ -97,7 +97,7 @@ pub struct LiveArgs {
     /// Source of the enabling request, instead of the configuration's live.enable
     #[arg(long)]
     enable: Option<EnableBy>,
-    /// Set a configuration key, such as ego.speed_mps=5
+    /// Set a configuration key, such as ego.speed_mps=5. A table, KEY={...}, changes the keys that it names
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]

@@ -174,7 +174,9 @@ fn page(keys: &[&Key]) -> String {
         Made by `swerve keys --markdown`; `swerve keys PREFIX` shows a part of it, `swerve keys WORD` finds a word, and \
         `swerve keys --schema` is the JSON schema for editors; `--schema scenario`, `study` and `timing` are those of \
         the other files.\n\
-        `NAME` is a name that you choose. Brackets contain the setting that a key requires.\n"
+        `NAME` is a name that you choose. Brackets contain the setting that a key requires.\n\n\
+        Later configurations (`-c`), `--set` and the `set` of a study follow one rule: a table is merged key by key into \
+        the earlier one; any other value replaces it. The tables `runtime`, `deadline` and `trigger` are one value each.\n"
         .to_owned();
     let mut part = "";
     for key in keys {

@@ -145,7 +145,7 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
         place += if place.is_empty() { "" } else { "." };
         place += part;
         if parts.peek().is_none() {
-            at.insert(part.to_owned(), value.clone());
+            swerve_text::set(at, part, value.clone()).map_err(|(_, message)| message)?;
             break;
         }
         let mut inner = at.entry(part).or_insert_with(|| Table::new().into());
@@ -158,7 +158,14 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
             };
             let Value::Array(entries) = inner else { break };
             if parts.peek().is_none() {
-                entries[i] = value.clone();
+                match (&mut entries[i], value) {
+                    (Value::Table(old), Value::Table(new)) => {
+                        for (name, value) in new {
+                            swerve_text::set(old, name, value.clone()).map_err(|(_, message)| message)?;
+                        }
+                    }
+                    (old, value) => *old = value.clone(),
+                }
                 return Ok(place);
             }
             inner = &mut entries[i];
@@ -253,9 +260,11 @@ mod tests {
     fn assignment_sets_the_addressed_key() {
         let base = Scenario::parse("two.toml", TEXT).unwrap();
         type Change = fn(&mut Scenario);
-        let cases: [(&str, Change); 7] = [
+        let cases: [(&str, Change); 9] = [
             ("slippery.ice.friction=0.2", |s| s.slippery[0].friction = 0.2),
             ("actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
+            ("actor.person={ d_m = 5 }", |s| s.actors[0].d_m = 5.0),
+            ("scenario.end={ timeout_s = 3 }", |s| s.end.timeout_s = 3.0),
             ("actor.1.d_m=5", |s| s.actors[1].d_m = 5.0),
             ("scenario.actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
             ("scenario.road.friction=0.5", |s| s.road.friction = 0.5),

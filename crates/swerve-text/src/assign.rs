@@ -5,7 +5,33 @@ use crate::{KeyProblem, Problem};
 /// Maximum depth of a key, as for the file reader: tables are walked recursively.
 const DEPTH_MAX: usize = 80;
 
-/// Sets the value at dotted `key` and creates the tables on its path.
+/// Keys whose tables are one value in one of several forms: a run-time model, a deadline, a trigger of an actor.
+const ONE_VALUE: [&str; 3] = ["deadline", "runtime", "trigger"];
+
+/// True if a table at dotted `key` replaces an earlier one as a whole: it is one value in one of several forms
+/// (`runtime`, `deadline`, `trigger`). Other tables are merged key by key.
+pub fn is_one_value(key: &str) -> bool {
+    ONE_VALUE.contains(&key.rsplit('.').next().unwrap_or(key))
+}
+
+/// Stores a value under `name`, part of dotted `key`: a table is merged into an earlier one key by key, except where it
+/// is one value; any other value replaces the earlier one.
+pub(crate) fn merge(table: &mut toml::Table, name: String, key: &str, value: toml::Value) {
+    match (table.get_mut(&name), value) {
+        (Some(toml::Value::Table(old)), toml::Value::Table(new)) if !is_one_value(key) => {
+            for (name, value) in new {
+                let key = format!("{key}.{name}");
+                merge(old, name, &key, value);
+            }
+        }
+        (_, value) => {
+            table.insert(name, value);
+        }
+    }
+}
+
+/// Sets the value at dotted `key` and creates the tables on its path. A table is merged into an earlier one, as a file
+/// over another: see [`Document::over`](crate::Document::over).
 ///
 /// # Errors
 /// If a part of the path is a value, or the key is nested too deeply: the start of `key` and a message.
@@ -21,7 +47,7 @@ pub fn set(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(),
         let is_value = || (key.to_owned(), format!("`{part}` is a value, not a table"));
         at = inner.as_table_mut().ok_or_else(is_value)?;
     }
-    at.insert(name.to_owned(), value);
+    merge(at, name.to_owned(), key, value);
     Ok(())
 }
 
@@ -69,6 +95,31 @@ mod tests {
         set(&mut table, "a.b.c", toml::Value::Integer(1)).unwrap();
         let (key, message) = set(&mut table, "a.b.c.d", toml::Value::Integer(1)).unwrap_err();
         assert_eq!((key.as_str(), message.as_str()), ("a.b.c.d", "`c` is a value, not a table"));
+    }
+
+    #[test]
+    fn table_is_merged_and_one_value_is_replaced() {
+        let set_all = |sets: &[&str]| {
+            let mut table = toml::Table::new();
+            for (key, value) in sets.iter().map(|text| parse_assignment(text).unwrap()) {
+                set(&mut table, &key, value).unwrap();
+            }
+            table
+        };
+        for (sets, wanted) in [
+            (&["a={b={c=1, d=2}, e=3}", "a={b={d=4}}"][..], "a = { b = { c = 1, d = 4 }, e = 3 }"),
+            (&["a={b=1}", "a.c=2", "a={}"], "a = { b = 1, c = 2 }"),
+            (&["a={b=[1, 2]}", "a={b=[3]}"], "a = { b = [3] }"),
+            (&["a=1", "a={b=2}"], "a = { b = 2 }"),
+            (&["a={b=2}", "a=1"], "a = 1"),
+            (
+                &["p={runtime={fixed_ms=1}, q=1}", "p={runtime={zero=true}}"],
+                "p = { runtime = { zero = true }, q = 1 }",
+            ),
+            (&["p.deadline={ms=1, anchor=start}", "p.deadline={ms=2}"], "p.deadline = { ms = 2 }"),
+        ] {
+            assert_eq!(set_all(sets), wanted.parse().unwrap(), "{sets:?}");
+        }
     }
 
     #[test]

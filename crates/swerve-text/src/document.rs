@@ -134,8 +134,9 @@ impl Document {
         Ok(Self { file: file.to_owned(), text: text.into(), table, places })
     }
 
-    /// Merges this document over `base`: tables are merged key by key; other values of this document take precedence.
-    /// Values of `base` keep their file and line.
+    /// Merges this document over `base`: tables are merged key by key, except those that are one value
+    /// ([`is_one_value`](crate::is_one_value)); these and all other values of this document take precedence. Values of
+    /// `base` keep their file and line.
     #[must_use]
     pub fn over(mut self, mut base: Self) -> Self {
         let file: Arc<str> = base.file.as_str().into();
@@ -223,7 +224,7 @@ fn lay_over(base: &mut toml::Table, top: toml::Table, prefix: &str, places: &mut
     for (name, value) in top {
         let key = format!("{prefix}{name}");
         match (base.get_mut(&name), value) {
-            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) if !crate::is_one_value(&key) => {
                 lay_over(below, above, &format!("{key}."), places);
             }
             (_, value) => {

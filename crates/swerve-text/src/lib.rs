@@ -25,7 +25,7 @@ mod problem;
 mod table;
 mod words;
 
-pub use assign::{parse_assignment, parse_assignments, set};
+pub use assign::{is_one_value, parse_assignment, parse_assignments, set};
 pub use bound::{NAME_MAX, PARAGRAPH_MAX};
 pub use decode::{NotText, decoded};
 pub use document::{Document, read_given_text, read_text, unreadable};

@@ -1,6 +1,7 @@
-"""Writes coco.json, kitti.json, tracking.json and segmentation.json: random cases, and what others compute for them.
+"""Writes coco.json, kitti.json, tracking.json, ties.json and segmentation.json: random cases, and what others compute
+for them.
 
-`python3 make.py`; needs Python 3.11 with numpy 1.26.4 (motmetrics 1.4.0 does not run on NumPy 2), pycocotools 2.0.11,
+`python3 make.py [NAME...]`; needs Python 3.11 with numpy 1.26.4 (motmetrics 1.4.0 does not run on NumPy 2), pycocotools 2.0.11,
 trackeval 1.3.0 (`--no-deps`), motmetrics 1.4.0, scikit-learn 1.6.1. KITTI's development kit is a C++ program around a
 web site: its rules are modelled in `kitti.py`.
 """
@@ -9,6 +10,7 @@ import contextlib
 import io
 import json
 import random
+import sys
 import warnings
 from pathlib import Path
 
@@ -204,6 +206,24 @@ def tracking_cases():
         yield {"frames": frames, "expected": tracking_numbers(frames), "motmetrics": motmetrics_numbers(frames)}
 
 
+def tied_sequence(rng, frames, places, empty):
+    """Boxes on a few places and half-way between two, many of them equal, in an order that changes."""
+    def side(ids):
+        there = rng.sample(range(ids), rng.randrange(ids + 1))
+        return [(i, [40.0 * rng.randrange(places) + rng.choice([0, 0, 0, 10]), 10.0, 40.0, 80.0]) for i in there]
+
+    return [{"truth": [] if empty == "truth" else side(rng.choice([3, 6, 9])),
+             "found": [] if empty == "found" else side(rng.choice([3, 6, 9]))} for _ in range(frames)]
+
+
+def ties_cases():
+    for seed in range(24):
+        rng = random.Random(400 + seed)
+        empty = {0: "truth", 1: "found"}.get(seed)
+        frames = tied_sequence(rng, [4, 12, 30][seed % 3], [1, 2, 4][seed // 3 % 3], empty)
+        yield {"frames": frames, "expected": tracking_numbers(frames)}
+
+
 # Segmentation
 
 def segmentation_cases():
@@ -224,7 +244,9 @@ def segmentation_cases():
                "mean": float(jaccard_score(t, f, labels=seen, average="macro"))}
 
 
-for name, cases in [("coco", coco_cases), ("kitti", kitti_cases), ("tracking", tracking_cases),
+for name, cases in [("coco", coco_cases), ("kitti", kitti_cases), ("tracking", tracking_cases), ("ties", ties_cases),
                     ("segmentation", segmentation_cases)]:
+    if sys.argv[1:] and name not in sys.argv[1:]:
+        continue
     text = ",\n".join(json.dumps(case, separators=(",", ":")) for case in cases())
     (HERE / f"{name}.json").write_text(f"[\n{text}\n]\n")

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use swerve_geom::heaviest_pairs;
 
+use super::assignment::heaviest_pairs;
 use super::{TrackingFrame, ratio};
 
 /// Weight that makes keeping a match of the previous frame outweigh any gain in similarity.

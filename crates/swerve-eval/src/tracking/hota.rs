@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use swerve_geom::heaviest_pairs;
 
 use super::TrackingFrame;
+use super::assignment::heaviest_pairs;
 
 /// Similarity thresholds: 0.05, 0.10, ... 0.95.
 const THRESHOLDS: usize = 19;

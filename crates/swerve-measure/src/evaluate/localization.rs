@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use swerve_localization::recorded::{Preset, Recorded, Report};
 use swerve_localization::{Params, npz};
 use swerve_report::files::read_whole;
+use swerve_text::parse_assignments;
 
 /// Recorded drive and filter settings.
 #[derive(clap::Args, Debug)]
@@ -63,10 +64,9 @@ pub(super) fn evaluate(args: &LocalizationArgs) -> anyhow::Result<Report> {
 /// Settings with these keys changed.
 fn changed(params: &Params, set: &[String]) -> anyhow::Result<Params> {
     let mut table = toml::Table::try_from(params)?;
-    for change in set {
-        let one = toml::from_str::<toml::Table>(change)
-            .map_err(|error| anyhow!("--set {change}: {}: expected KEY=VALUE", error.message()))?;
-        table.extend(one);
+    for (key, value) in parse_assignments(set)? {
+        swerve_text::set(&mut table, &key, value)
+            .map_err(|(key, message)| anyhow!("--set: {key}: {message}"))?;
     }
     swerve_text::read(&table).map_err(|problems| anyhow!("--set: {}", swerve_text::in_one_line(&problems)))
 }

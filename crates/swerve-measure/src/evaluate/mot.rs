@@ -90,14 +90,11 @@ fn tracks(path: &Path, counts: impl Fn(&Row) -> bool) -> anyhow::Result<Tracks> 
 pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<TrackingMetrics> {
     let truth = tracks(&compared.truth, |row| row.confidence != 0.0)?;
     let found = tracks(&compared.found, |_| true)?;
-    let Some(last) = truth.keys().max() else {
-        anyhow::bail!("{}: expected at least one box that counts", compared.truth.display());
-    };
-    let last = last.max(found.keys().max().unwrap_or(last));
+    let last = truth.keys().chain(found.keys()).max().copied().unwrap_or(0);
     let boxes = |of: &Tracks, k: usize| of.get(&(k as u64 + 1)).cloned().unwrap_or_default();
     let frames: Vec<TrackingFrame> = compared
         .timely
-        .judged(usize::try_from(*last)?)
+        .judged(usize::try_from(last)?)
         .into_iter()
         .map(|(t, r)| {
             TrackingFrame::of_boxes(&boxes(&truth, t), &r.map_or_else(Vec::new, |r| boxes(&found, r)))

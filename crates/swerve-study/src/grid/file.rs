@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_drive::shipped::Kind;
-use swerve_text::{Document, Problems, number};
+use swerve_text::{Document, Problems, is_one_value, number};
 
 use super::forms::{Files, Values, label_of, name_of};
 use crate::tables::{Curve, Plot, Ranking, Timely, TimelyPrediction, no_axis};
@@ -218,19 +218,12 @@ pub(super) fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, 
     for (name, value) in table {
         let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         match value {
-            toml::Value::Table(inner) if !inner.is_empty() && prefix_is_section(&key) => {
+            toml::Value::Table(inner) if !inner.is_empty() && !is_one_value(&key) => {
                 flatten(&key, inner, out)
             }
             _ => out.push((key, value.clone())),
         }
     }
-}
-
-/// True for a table of separate keys. Run-time models and deadlines are values in the form of tables: they replace the
-/// earlier value as a whole.
-fn prefix_is_section(key: &str) -> bool {
-    let last = key.rsplit('.').next().unwrap_or(key);
-    !matches!(last, "runtime" | "deadline")
 }
 
 /// `path` relative to `folder`, without detours to the same file (`configs/../scenarios`); or the name of a built-in

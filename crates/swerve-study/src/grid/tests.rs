@@ -30,6 +30,38 @@ fn axes_multiply_and_the_last_is_fastest() {
     );
 }
 
+/// A table changes the keys that it names, wherever it is: as `--set`, in a study, and in a later file.
+#[test]
+fn table_is_merged_wherever_it_is_set() {
+    let base = "[perception.tracker]\nscore_min = 0.5\nprobation_s = 0.06\nperson = { speed_mps = 6.0 }\n";
+    let document = || Document::parse("base.toml", base).unwrap();
+    let text = |document: &Document, sets: &Sets| {
+        swerve_stack::Setup::from_document(document, sets).unwrap().to_text()
+    };
+    let changed = base.replace("0.5", "0.7").replace("6.0", "4.0");
+    let wanted = text(&Document::parse("changed.toml", changed).unwrap(), &Vec::new());
+    let table = "{ score_min = 0.7, person = { speed_mps = 4.0 } }";
+    let given = swerve_text::parse_assignment(&format!("perception.tracker={table}")).unwrap();
+    assert_eq!(text(&document(), &vec![given]), wanted, "--set");
+    let other = Document::parse("other.toml", format!("perception.tracker = {table}\n")).unwrap();
+    assert_eq!(text(&other.over(document()), &Vec::new()), wanted, "-c");
+    let seed = "[[axis]]\nkey = \"seed\"\nvalues = [0]\n";
+    for of_study in [
+        format!("base = {{ scenario = \"a\", set = {{ perception.tracker = {table} }} }}\n{seed}"),
+        format!(
+            "base = {{ scenario = \"a\" }}\n[[axis]]\nkey = \"perception.tracker\"\nvalues = [{table}]\n"
+        ),
+        format!(
+            "base = {{ scenario = \"a\" }}\n[[axis]]\nname = \"t\"\n[[axis.settings]]\nname = \"x\"\n\
+             set = {{ perception.tracker = {table} }}\n"
+        ),
+    ] {
+        let study = study(&of_study).unwrap();
+        let sets: Sets = study.cells[0].sets.iter().filter(|(key, _)| key != "seed").cloned().collect();
+        assert_eq!(text(&document(), &sets), wanted, "{of_study}");
+    }
+}
+
 #[test]
 fn built_in_names_apply_where_no_file_exists() {
     let text = "base = { scenario = \"lane\", config = \"paper\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
