@@ -23,7 +23,8 @@ pub struct RunInput {
     /// earlier ones; missing keys have defaults
     #[arg(short, long)]
     pub config: Vec<PathBuf>,
-    /// Set a key of the configuration (planning.planner=rrt_star) or the scenario (actor.person.speed_mps=4)
+    /// Set a key of the configuration (planning.planner=rrt_star) or the scenario (actor.person.speed_mps=4). A
+    /// table, KEY={...}, changes the keys that it names
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Random seed
@@ -87,6 +88,9 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Sce
         .map_err(|problems| problems_error(&problems))?;
     input.code().apply(&mut config);
     let scenario = read_scenario_with(&input.scenario, &of_scenario)?;
+    for warning in config.beyond_domain() {
+        tell(&format!("warning: {warning}"));
+    }
     for warning in scenario.warnings() {
         tell(&format!("warning: {}: {warning}", input.scenario.display()));
     }

@@ -5,6 +5,7 @@
 
 mod additions;
 mod check;
+mod domain;
 mod idle;
 mod links;
 mod processes;

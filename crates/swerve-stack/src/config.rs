@@ -11,6 +11,7 @@ mod check;
 pub mod clock;
 mod control;
 pub mod detectors;
+pub mod domain;
 pub mod execution;
 pub mod gate;
 pub mod injection;

@@ -14,6 +14,7 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
+use crate::config::domain::Domain;
 use crate::config::execution::span_of_ms;
 use crate::ladder::Ladder;
 use crate::problems::KeyProblems;
@@ -329,6 +330,11 @@ pub trait OperatorKind: Send + Sync {
         0.0
     }
 
+    /// Domain of the model for camera images that it uses, if it uses one with a known domain.
+    fn domain(&self, _settings: &Settings<'_>) -> Option<Domain> {
+        None
+    }
+
     /// Adds it to the graph, with the settings of one rung if it is on a ladder.
     ///
     /// # Errors
@@ -358,6 +364,11 @@ pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
     /// Problems of the values of its keys.
     fn problems(_table: &Self::Table) -> KeyProblems {
         Vec::new()
+    }
+
+    /// Domain of the model for camera images that it uses, if it uses one with a known domain.
+    fn domain(_table: &Self::Table) -> Option<Domain> {
+        None
     }
 
     /// Timer of its [`Every`](swerve_flow::Every) port, if it has one.
@@ -417,6 +428,10 @@ impl<K: Kind> OperatorKind for Registered<K> {
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         K::runtime(&Self::table(settings), settings)
+    }
+
+    fn domain(&self, settings: &Settings<'_>) -> Option<Domain> {
+        K::domain(&Self::table(settings))
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {

@@ -19,6 +19,7 @@ mod cluster;
 mod columns;
 mod csv;
 pub mod curve;
+mod domain;
 pub mod grid;
 pub mod heatmap;
 mod merge;
@@ -94,7 +95,7 @@ pub struct StudyArgs {
     /// Keep the page of every run in cells/, about 0.5 MB each, linked from the study's page
     #[arg(long, conflicts_with = "on")]
     reports: bool,
-    /// Set a key of the configuration or the scenario in every cell
+    /// Set a key of the configuration or the scenario in every cell. A table, KEY={...}, changes the keys that it names
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
@@ -130,6 +131,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
         (None, Some(file)) => {
             let bench = Bench::open(registry, file, &args.set)?.with_code(args.code);
             bench.refuse_programs()?;
+            bench.note_domain()?;
             anyhow::ensure!(
                 !args.reports || bench.is_of_drives(),
                 "--reports: a cell of this study is not a single drive, so there is no page to keep"

@@ -38,7 +38,7 @@ pub struct SuiteArgs {
     /// Configuration file (TOML), or the name of a built-in one, such as paper; several: the later over the earlier
     #[arg(short, long)]
     config: Vec<PathBuf>,
-    /// Set a key of the configuration or the scenarios in every drive
+    /// Set a key of the configuration or the scenarios in every drive. A table, KEY={...}, changes the keys that it names
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
@@ -172,6 +172,7 @@ fn drive(
 ) -> anyhow::Result<(Study, Driven)> {
     let bench = Bench::of(registry, study(args, scenarios, seeds)?)?.with_code(args.code);
     bench.refuse_programs()?;
+    bench.note_domain()?;
     let (threads, reports) = (args.threads, args.reports);
     let out = &args.out.folder(&bench.study)?;
     let is_quiet = args.json;

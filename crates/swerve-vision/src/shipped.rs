@@ -26,6 +26,9 @@ pub fn detector(name: &str) -> Option<Result<Weights, WeightsError>> {
 /// for each rung.
 pub const RUN_TIMES: &str = include_str!("../detectors/run_times.toml");
 
+/// Domains of the built-in models, as TOML: the conditions under which they were measured, and their figures there.
+pub const DOMAINS: &str = include_str!("../domains.toml");
+
 /// Names of the built-in segmentations.
 pub fn segmentations() -> impl Iterator<Item = &'static str> {
     SEGMENTATIONS.iter().map(|(name, _)| *name)

@@ -162,6 +162,8 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
                 config.trust(&[Layer::of_file(document.clone(), doubt)]);
                 list_notes(path, trust::programs_with_doubts(&config));
                 list_notes(path, lacks(&config));
+                let warnings = config.beyond_domain();
+                warnings.iter().for_each(|one| tell(&format!("warning: {}: {one}", path.display())));
                 no_adapter(&document, &config)
             }
             Err(problems) => problems,

@@ -13,6 +13,7 @@ use toml::Table;
 
 use crate::algorithms::Chosen;
 use crate::config::camera_detectors::CameraObjectsTable;
+use crate::config::domain::Domain;
 use crate::config::execution::span_ms;
 use crate::detectors::DetectorRung;
 use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
@@ -68,6 +69,7 @@ fn problems(table: &CameraObjectsTable, Setup { registry, .. }: &Setup) -> KeyPr
             return found;
         }
     };
+    found.extend(Domain::of_detector(&table.detector).err().map(|message| ("detector".to_owned(), message)));
     for (name, ms) in &table.run_times_ms {
         let wrong = chosen.known(name).err().or_else(|| span_ms(*ms).err());
         found.extend(wrong.map(|message| (format!("run_times_ms.{name}"), message)));
@@ -156,6 +158,10 @@ impl OperatorKind for CameraObjects {
         let table = table(settings);
         let time = table.run_time(&settings.setup.registry)?;
         Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
+    }
+
+    fn domain(&self, settings: &Settings<'_>) -> Option<Domain> {
+        Domain::of_detector(&table(settings).detector).ok()?
     }
 
     fn ladder(&self, settings: &Settings<'_>) -> Option<Ladder> {

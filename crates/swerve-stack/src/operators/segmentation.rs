@@ -10,6 +10,7 @@ use swerve_vision::segmentation::{Segmenter, Weights};
 use swerve_vision::{Rgb, shipped};
 
 use crate::config::camera_detectors::ground;
+use crate::config::domain::Domain;
 use crate::kind::{Heavy, Kind, Node};
 use crate::problems::KeyProblems;
 use crate::site::Site;
@@ -62,6 +63,10 @@ impl Kind for Segmentation {
 
     fn problems(table: &Table) -> KeyProblems {
         table.weights().err().map(|message| ("weights".to_owned(), message)).into_iter().collect()
+    }
+
+    fn domain(table: &Table) -> Option<Domain> {
+        Domain::built_in("segmentation", &table.weights)
     }
 
     fn new(table: Table, _: &Site<'_>) -> anyhow::Result<Self> {
