@@ -10,7 +10,7 @@ use swerve_map::{LanePlace, Map};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
     ActorNames, Command, Decision, Detections, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan,
-    PoseQuality, Route,
+    PoseQuality, Route, TrackList,
 };
 use swerve_scenario::{Course, Road, Scenario};
 use swerve_stack::Assembly;
@@ -30,6 +30,7 @@ struct Publishers {
     obstacles: Option<String>,
     plan: Option<String>,
     decision: Option<String>,
+    tracks: Option<String>,
     /// Operator that commands the car's pedals; `None` if a gate passes commands through.
     pedals: Option<String>,
 }
@@ -45,6 +46,7 @@ impl Publishers {
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
             decision: assembly.publisher::<Decision>().map(str::to_owned),
+            tracks: assembly.publisher::<TrackList>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
         }
     }
@@ -126,6 +128,7 @@ impl Measured {
             route: Some(route.clone()),
             lights,
             norm: norm(scenario),
+            tracks_boxes: stack.assembly.publisher::<Detections>().is_some(),
         };
         Ok(Self {
             evaluation: Evaluation::new(params),
@@ -207,6 +210,10 @@ impl Observer for Measured {
                     (payload.downcast_ref::<Decision>(), is_of(&self.publishers.decision))
                 {
                     evaluation.decision(publication.visible_at, decision, &self.track_names);
+                } else if let (Some(list), true) =
+                    (payload.downcast_ref::<TrackList>(), is_of(&self.publishers.tracks))
+                {
+                    evaluation.tracks(list, publication.visible_at);
                 } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
                     evaluation.gate(publication.visible_at, gate);
                     if gate.mode == GateMode::Driving {

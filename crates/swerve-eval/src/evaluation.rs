@@ -1,11 +1,13 @@
 //! All metrics of a run.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{
     ActorId, ActorKind, ActorNames, Decision, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus,
-    PoseQuality, Route,
+    PoseQuality, Route, TrackList,
 };
 
 use crate::comfort::{Comfort, ComfortMetrics};
@@ -17,7 +19,7 @@ use crate::verdict::STANDS_MPS;
 use crate::{
     Behaviour, BehaviourMetrics, Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact,
     LateralJerk, LightCourse, Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline,
-    PlanMetrics, PoseGap, ResponseTimes, RunTimes, Summary, Verdict, seconds,
+    PlanMetrics, PoseGap, ResponseTimes, RunTimes, Summary, TrackComparison, TrackMetrics, Verdict, seconds,
 };
 
 /// Inputs of an evaluation that are known before the run.
@@ -37,6 +39,8 @@ pub struct Params {
     pub lights: Vec<LightCourse>,
     /// Lane and speed that the ego is to keep.
     pub norm: Norm,
+    /// True if the tracks are those of detected boxes.
+    pub tracks_boxes: bool,
 }
 
 /// Result of a run; the content of `metrics.json`.
@@ -108,6 +112,9 @@ pub struct Metrics {
     pub pose_gaps: Vec<PoseGap>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
+    /// Tracks of detected boxes; absent for a pipeline without a detector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracks: Option<TrackMetrics>,
     /// Driving scores; absent for drives without a goal on a map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<DrivingScores>,
@@ -119,6 +126,9 @@ const AFTER_GAP_S: f64 = 4.0;
 
 /// Standstill because of the pose below which a time-out is not attributed to it, seconds.
 const STOOD_MIN_S: f64 = 1.0;
+
+/// Largest age of a list of tracks that is compared with the truth.
+const RECENT: Span = Span::from_ms(3000);
 
 /// Actor or cause that decided the result of a run.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -222,6 +232,14 @@ pub struct ActorMetrics {
     pub min_distance_at_s: f64,
     /// Stamp of the first sensor frame in which part of it was visible, seconds; null if never.
     pub first_sight_s: Option<f64>,
+    /// Instant at which its first track after that reached its readers, seconds; absent if it had none, or if the
+    /// pipeline has no detector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracked_s: Option<f64>,
+    /// Instant at which a track of it with the right velocity, to 0.6 m/s, reached its readers, seconds; absent like
+    /// `tracked_s`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_known_s: Option<f64>,
 }
 
 /// First sensor frame in which part of an actor was visible.
@@ -249,6 +267,10 @@ pub struct Evaluation {
     /// Stamp and status of the newest plan.
     last_plan: Option<(Time, PlanStatus)>,
     sights: Vec<Sight>,
+    /// Recent states of the world, for a pipeline with a detector.
+    recent: VecDeque<WorldState>,
+    /// Tracks, once there are lists of them.
+    tracks: Option<TrackComparison>,
     response: ResponseTimes,
     behaviour: Behaviour,
     gate: GateUse,
@@ -272,6 +294,8 @@ impl Evaluation {
             plans: PlanMetrics::default(),
             last_plan: None,
             sights: Vec::new(),
+            recent: VecDeque::new(),
+            tracks: params.tracks_boxes.then(TrackComparison::default),
             response: ResponseTimes::new(params.dead_time),
             behaviour: Behaviour::default(),
             gate: GateUse::default(),
@@ -300,6 +324,10 @@ impl Evaluation {
         if comfort {
             self.comfort.take(&world.ego.state);
             self.traffic.take(world);
+        }
+        if self.tracks.is_some() {
+            self.recent.retain(|state| world.stamp - state.stamp <= RECENT);
+            self.recent.push_back(world.clone());
         }
         self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));
         self.response.world_step(world.stamp);
@@ -337,6 +365,15 @@ impl Evaluation {
             if let Err(slot) = self.sights.binary_search_by_key(&obstacle.id, |s| s.actor) {
                 self.sights.insert(slot, Sight { actor: obstacle.id, at: list.stamp });
             }
+        }
+    }
+
+    /// Adds a list of tracks that reaches its readers at `at`, after the world state of its stamp.
+    pub fn tracks(&mut self, list: &TrackList, at: Time) {
+        let Some(tracks) = &mut self.tracks else { return };
+        let truth = self.recent.iter().rev().find(|state| state.stamp <= list.stamp);
+        if let Some(truth) = truth {
+            tracks.add((list, at), truth, &self.sights, |_| None);
         }
     }
 
@@ -421,6 +458,7 @@ impl Evaluation {
             pose_gaps: self.localization.gaps(),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
+            tracks: self.tracks.as_ref().map(TrackComparison::metrics),
             scores: None,
         }
     }
@@ -441,6 +479,7 @@ impl Evaluation {
 
     fn actors(&self) -> Vec<ActorMetrics> {
         let sight = |actor| self.sights.iter().find(|s| s.actor == actor).map(|s| seconds(s.at));
+        let followed = |actor| self.tracks.as_ref().map(|tracks| tracks.followed(actor)).unwrap_or_default();
         let one = |c: &crate::Clearance| ActorMetrics {
             actor: c.actor,
             name: self.name(c.actor),
@@ -448,6 +487,8 @@ impl Evaluation {
             min_distance_m: c.distance_m,
             min_distance_at_s: seconds(c.at),
             first_sight_s: sight(c.actor),
+            tracked_s: followed(c.actor).tracked_s,
+            velocity_known_s: followed(c.actor).velocity_known_s,
         };
         self.clearances.each().iter().map(one).collect()
     }

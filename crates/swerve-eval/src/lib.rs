@@ -33,6 +33,7 @@ pub mod score;
 mod segmentation;
 pub mod timely;
 mod tracking;
+mod tracks;
 mod traffic;
 mod trajectory;
 mod verdict;
@@ -60,6 +61,7 @@ pub use segmentation::{Confusion, UnknownClass};
 pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
+pub use tracks::{Followed, TrackComparison, TrackMetrics, VELOCITY_KNOWN_MPS, actor_at};
 pub use traffic::{Directions, Norm, TrafficMetrics};
 pub use trajectory::{
     Alignment, PoseErrors, SpacePose, TrajectoryErrors, absolute_errors, aligned, relative_errors,

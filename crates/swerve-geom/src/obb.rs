@@ -47,6 +47,11 @@ impl<F: Copy> Obb<F> {
         [c + ahead + left, c - ahead + left, c - ahead - left, c + ahead - left]
     }
 
+    /// Area, m².
+    pub fn area_m2(&self) -> f64 {
+        4.0 * self.half_length_m * self.half_width_m
+    }
+
     /// Radius of the circumscribed circle.
     pub fn radius(&self) -> f64 {
         math::hypot(self.half_length_m, self.half_width_m)

@@ -3,7 +3,7 @@
 //! [`points`] transforms a sweep to the ego frame at its stamp, [`ground`] removes ground points, `clusters` finds
 //! connected components, `boxes` fits rectangles and completes them to the size of a class, and [`score`] rates them
 //! with trees that [`train`] has boosted on simulated sweeps. Of overlapping boxes the one with the highest score is
-//! kept.
+//! kept. What belongs to no class is a static object if it is on the road.
 
 mod boxes;
 mod clusters;
@@ -11,6 +11,7 @@ pub mod ground;
 pub mod points;
 mod scan;
 pub mod score;
+mod skyline;
 #[cfg(test)]
 mod tests;
 pub mod train;
@@ -18,7 +19,7 @@ pub mod train;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{ParamError, Ranges};
-use swerve_geom::{Ego, Obb, Point2, Pose2};
+use swerve_geom::{Ego, Obb, Point2, Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 
 use crate::road::Road;
@@ -28,6 +29,7 @@ use ground::{Ground, Method};
 use points::{Point, in_ego_frame};
 pub use scan::Scan;
 use score::{FEATURES, Model};
+use skyline::Skyline;
 
 /// Parameters of the lidar object detector.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -95,6 +97,7 @@ pub struct LidarObjects {
     clusters: Clusters,
     places: Vec<Point>,
     over_m: Vec<f32>,
+    skyline: Skyline,
     candidates: Vec<Candidate>,
     footprints: Vec<Obb<Ego>>,
 }
@@ -125,6 +128,7 @@ impl LidarObjects {
             clusters: Clusters::new(reach_m, params.points_min),
             places: Vec::new(),
             over_m: Vec::new(),
+            skyline: Skyline::default(),
             candidates: Vec::new(),
             footprints: Vec::new(),
         })
@@ -150,6 +154,43 @@ impl LidarObjects {
                 out.boxes.push(*found);
             }
         }
+        self.add_unknown(scan, out);
+    }
+
+    /// Adds clusters of no class on the drivable ground: anything there is an obstacle. Without a route there are none.
+    fn add_unknown(&mut self, scan: &Scan<'_>, out: &mut Detections) {
+        let road = Road::new(scan.route, scan.ego.pose);
+        let known = out.boxes.len();
+        // Coarsest gaps first: wholes before their parts.
+        for &cluster in self.clusters.found.iter().rev() {
+            let points = self.clusters.of(cluster);
+            let lowest_m = points.iter().map(|point| point[3]).fold(f32::INFINITY, f32::min);
+            let [x, y, ..] = points[0].map(f64::from);
+            let Some((heading_rad, _)) = road.at(Point2::new(x, y)) else { continue };
+            if lowest_m > UNKNOWN_LOWEST_M {
+                continue;
+            }
+            let found = unknown(&fit(points, Some(heading_rad as f32)), cluster, points.len());
+            let is_on_road =
+                road.at(found.pose.point()).is_some_and(|(_, beyond_m)| beyond_m < -UNKNOWN_WITHIN_M);
+            let Extent { length_m, width_m, .. } = found.extent;
+            let footprint = Obb::new(found.pose, length_m, width_m);
+            let is_near = |k: usize, other: &Obb<Ego>| {
+                other.grown(if k < known { UNKNOWN_APART_M } else { 0.0 }).overlaps(&footprint)
+            };
+            if is_on_road
+                && found.score >= self.params.score_min
+                && !self.footprints.iter().enumerate().any(|(k, other)| is_near(k, other))
+            {
+                self.footprints.push(footprint);
+                out.boxes.push(found);
+            }
+        }
+        let place = |b: &DetectedBox| [b.pose.x_m, b.pose.y_m];
+        out.boxes.sort_unstable_by(|a, b| {
+            let [[ax, ay], [bx, by]] = [place(a), place(b)];
+            b.score.total_cmp(&a.score).then(ax.total_cmp(&bx)).then(ay.total_cmp(&by))
+        });
     }
 
     /// All candidate boxes, before scoring.
@@ -158,18 +199,22 @@ impl LidarObjects {
         let road = Road::new(scan.route, scan.ego.pose);
         let sensor = scan.ego_from_lidar.origin().coords;
         let sensor = [sensor.x as f32, sensor.y as f32];
+        self.skyline.take(sensor, &self.places, &self.over_m);
         self.candidates.clear();
         for &cluster in &self.clusters.found {
             let points = self.clusters.of(cluster);
             let [x, y, ..] = points[0].map(f64::from);
             let lane = road.at(Point2::new(x, y)).map(|(heading, beyond)| (heading as f32, beyond as f32));
             let fit = fit(points, lane.map(|(heading, _)| heading));
+            let hidden = self.skyline.hides(points);
             for (k, class) in CLASSES.iter().enumerate() {
                 if cluster.top_m < class.top_m[0] || cluster.top_m > class.top_m[1] {
                     continue;
                 }
                 for is_across in [false, true] {
-                    let Some(rectangle) = complete(&fit, class, is_across, sensor) else { continue };
+                    let Some(rectangle) = complete(&fit, class, is_across, (sensor, hidden)) else {
+                        continue;
+                    };
                     // People may be anywhere and face any direction, so the route is not used for them.
                     let lane = lane.filter(|_| !class.kind.is_person());
                     let seen = FittedCluster { clusters: &self.clusters, cluster, fit, sensor, lane };
@@ -198,6 +243,39 @@ fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
         let pairs = place(a).into_iter().zip(place(b));
         pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(core::cmp::Ordering::Equal)
     })
+}
+
+/// Objects of no class: height above the ground of their lowest point, up to which they are not overhanging; distance
+/// of their centre from the border of the drivable ground; distance from boxes of a class, whose parts they may be,
+/// metres.
+const UNKNOWN_LOWEST_M: f32 = 0.5;
+const UNKNOWN_WITHIN_M: f64 = 0.2;
+const UNKNOWN_APART_M: f64 = 0.5;
+/// Points from which on an object of no class is likely no noise: with as many its score is 0.63.
+const UNKNOWN_POINTS: f64 = 12.0;
+/// Smallest side of an object of no class, metres.
+const UNKNOWN_SIDE_M: f64 = 0.3;
+
+/// Box of a cluster of no class: its visible part.
+fn unknown(fit: &Fit, cluster: Cluster, points: usize) -> DetectedBox {
+    let [cos, sin] = fit.turn;
+    let [along, across] = fit.ends.map(|[low, high]| 0.5 * (low + high));
+    let middle = [along * cos - across * sin, along * sin + across * cos];
+    let size_m = fit.ends.map(|[low, high]| high - low);
+    let rectangle =
+        Rectangle { middle, turn: fit.turn, heading_rad: fit.heading_rad, size_m, seen_m: size_m };
+    let [length_m, width_m] = size_m.map(|m| f64::from(m).max(UNKNOWN_SIDE_M));
+    let [x, y] = middle.map(f64::from);
+    DetectedBox {
+        score: 1.0 - math::exp(-(points as f64) / UNKNOWN_POINTS),
+        covariance_m2: Some(rectangle.covariance_m2(&CLASSES[0])),
+        ..DetectedBox::on_ground(
+            ActorKind::Static,
+            0.0,
+            Pose2::new(x, y, f64::from(fit.heading_rad)),
+            Extent { length_m, width_m, height_m: f64::from(cluster.top_m) },
+        )
+    }
 }
 
 /// Distance beyond the drivable ground used if it is unknown, metres: further inside than any known value.

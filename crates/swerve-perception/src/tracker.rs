@@ -12,9 +12,11 @@ mod params;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Matrix2, Vector2 as Column2};
+use core::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{Matrix2, Matrix4, Vector2 as Column2};
 use swerve_core::{ParamError, Span, Time};
-use swerve_geom::{Ego, Map, Pose2, Vector2, angle_between, math};
+use swerve_geom::{Ego, Map, Obb, Pose2, Vector2, angle_between, math, shared_area_m2};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
 use crate::assignment::assign;
@@ -34,6 +36,29 @@ pub struct Tracker {
     given: u32,
 }
 
+/// Mean squared Mahalanobis distance of a track's own boxes.
+const DIMENSIONS: f64 = 2.0;
+/// Share of the smaller of two outlines within the other from which on they are of the same object.
+const SAME_SHARE: f64 = 0.5;
+
+/// Kinds that detectors confuse with each other, but not with those of other groups.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Group {
+    Person,
+    Vehicle,
+    Fixed,
+}
+
+impl Group {
+    fn of(kind: ActorKind) -> Self {
+        match kind {
+            ActorKind::Static => Self::Fixed,
+            kind if kind.is_person() => Self::Person,
+            _ => Self::Vehicle,
+        }
+    }
+}
+
 /// State of one track.
 #[derive(Clone, PartialEq, Debug)]
 struct Followed {
@@ -48,7 +73,19 @@ struct Followed {
     extent: Extent,
     hits: usize,
     last_seen: Time,
+    /// True if its latest box is in an image.
+    is_in_image: bool,
+    /// Its latest box, if that was outside of the gate.
+    strayed: Option<Box<Stray>>,
     is_confirmed: bool,
+}
+
+/// Box outside of the gate, and the filter before it.
+#[derive(Clone, PartialEq, Debug)]
+struct Stray {
+    before: Filter,
+    at: Column2<f64>,
+    covariance: Matrix2<f64>,
 }
 
 /// Box in the map frame with its covariance.
@@ -57,6 +94,8 @@ struct Measured<'a> {
     at: Column2<f64>,
     covariance: Matrix2<f64>,
     heading_rad: f64,
+    /// Unit vector from the ego to it.
+    sight: Column2<f64>,
 }
 
 impl Tracker {
@@ -96,6 +135,12 @@ impl Tracker {
         Some(self.tracks[of].score).filter(|_| self.tracks[of].is_confirmed)
     }
 
+    /// Covariance of x, y and their velocities of a confirmed track in the map, in m and m/s.
+    pub fn covariance(&self, id: ActorId) -> Option<Matrix4<f64>> {
+        let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
+        Some(self.tracks[of].filter.covariance()).filter(|_| self.tracks[of].is_confirmed)
+    }
+
     fn take_in(&mut self, found: &Detections, ego: Pose2<Map>) {
         let params = self.params;
         let usable = |b: &&DetectedBox| b.score >= params.score_min && b.is_finite();
@@ -105,9 +150,9 @@ impl Tracker {
         for track in &mut self.tracks {
             track.filter.predict(found.stamp, params.motion(track.kind).accel_density);
         }
-        let pairs = self.pair(&boxes);
-        for &(t, b) in &pairs {
-            self.tracks[t].meet(&boxes[b], found.stamp, &params);
+        let pairs = self.pair(&boxes, found.stamp);
+        for &(t, b, noise) in &pairs {
+            self.tracks[t].meet(&boxes[b], noise, found.stamp, &params);
         }
         let [on_probation, reported] = [params.probation_s, params.forget_after_s].map(Span::from_secs);
         self.tracks.retain(|track| {
@@ -115,32 +160,53 @@ impl Tracker {
             found.stamp - track.last_seen <= limit
         });
         for (b, measured) in boxes.iter().enumerate() {
-            if !pairs.iter().any(|&(_, taken)| taken == b) {
+            if !pairs.iter().any(|&(_, taken, _)| taken == b) {
                 self.given += 1;
                 self.tracks.push(Followed::founded(ActorId(self.given), measured, found.stamp, &params));
             }
         }
+        self.merge(found.stamp);
     }
 
-    /// Pairs of tracks and boxes. Unmatched tracks and boxes are tried again assuming that the track suddenly started,
-    /// stopped or turned, so that a person who stops keeps the identity and leaves no track that walks on.
-    fn pair(&mut self, boxes: &[Measured<'_>]) -> Vec<(usize, usize)> {
+    /// Merges tracks of the same object. The older identity stays, with the state of the surer track.
+    fn merge(&mut self, stamp: Time) {
+        let mut kept: Vec<Followed> = Vec::with_capacity(self.tracks.len());
+        for track in self.tracks.drain(..) {
+            match kept.iter_mut().find(|older| older.is_same_as(&track, stamp, self.params.gate)) {
+                Some(older) => older.merge(track),
+                None => kept.push(track),
+            }
+        }
+        self.tracks = kept;
+    }
+
+    /// Pairs of tracks and boxes, each with a factor of the box's covariance. Unmatched tracks and boxes are tried again
+    /// assuming that the track suddenly started, stopped or turned, so that a person who stops keeps the identity and
+    /// leaves no track that walks on.
+    fn pair(&mut self, boxes: &[Measured<'_>], stamp: Time) -> Vec<(usize, usize, f64)> {
         let (params, tracks) = (self.params, &mut self.tracks);
         let sudden_mps = |track: &Followed| params.motion(track.kind).change_mps;
         let distance = |t: usize, b: usize| tracks[t].distance(0.0, &boxes[b]);
-        let mut pairs = assign(tracks.len(), boxes.len(), params.gate, distance);
+        let near = likeliest(tracks.len(), boxes.len(), params.gate, distance);
+        let mut pairs: Vec<(usize, usize, f64)> = near.into_iter().map(|(t, b)| (t, b, 1.0)).collect();
+        let is_left = |pairs: &[(usize, usize, f64)], k: usize, of: fn(&(usize, usize, f64)) -> usize| {
+            pairs.iter().all(|pair| of(pair) != k)
+        };
         let left_tracks: Vec<usize> =
-            (0..tracks.len()).filter(|t| pairs.iter().all(|(taken, _)| taken != t)).collect();
+            (0..tracks.len()).filter(|t| is_left(&pairs, *t, |pair| pair.0)).collect();
         let left_boxes: Vec<usize> =
-            (0..boxes.len()).filter(|b| pairs.iter().all(|(_, taken)| taken != b)).collect();
+            (0..boxes.len()).filter(|b| is_left(&pairs, *b, |pair| pair.1)).collect();
+        for &(t, ..) in &pairs {
+            tracks[t].strayed = None;
+        }
         let distance = |t: usize, b: usize| {
             let track = &tracks[left_tracks[t]];
             track.distance(sudden_mps(track), &boxes[left_boxes[b]])
         };
-        for (t, b) in assign(left_tracks.len(), left_boxes.len(), params.gate, distance) {
-            let track = &mut tracks[left_tracks[t]];
-            track.filter.jump(sudden_mps(track));
-            pairs.push((left_tracks[t], left_boxes[b]));
+        for (t, b) in likeliest(left_tracks.len(), left_boxes.len(), params.gate, distance) {
+            let (t, b) = (left_tracks[t], left_boxes[b]);
+            let noise = tracks[t].stray(&boxes[b], stamp, &params);
+            pairs.push((t, b, noise));
         }
         pairs
     }
@@ -149,6 +215,27 @@ impl Tracker {
         let confirmed = self.tracks.iter().filter(|track| track.is_confirmed);
         TrackList { stamp: self.newest.unwrap_or_default(), tracks: confirmed.map(Followed::track).collect() }
     }
+}
+
+/// Pairs of tracks and boxes within the gate that are likeliest in total: the cost of a pair is its negative
+/// log-likelihood (Bar-Shalom, Willett and Tian 2011, section 7.3). By the distance alone, an uncertain track would
+/// take the boxes of a certain one.
+fn likeliest(
+    tracks: usize,
+    boxes: usize,
+    gate: f64,
+    distance: impl Fn(usize, usize) -> Option<(f64, f64)>,
+) -> Vec<(usize, usize)> {
+    let near = |t: usize, b: usize| distance(t, b).filter(|(square, _)| *square < gate);
+    let all = (0..tracks).flat_map(|t| (0..boxes).map(move |b| (t, b)));
+    let widest = all.filter_map(|(t, b)| near(t, b)).map(|(_, ln)| ln).fold(f64::NEG_INFINITY, f64::max);
+    assign(tracks, boxes, gate, |t, b| near(t, b).map_or(f64::INFINITY, |(square, ln)| square + ln - widest))
+}
+
+/// Angle from a heading to the axis of another one, at most a quarter turn, radians: detectors confuse front and rear.
+fn axis_between(from_rad: f64, to_rad: f64) -> f64 {
+    let off_rad = angle_between(from_rad, to_rad);
+    if off_rad.abs() > FRAC_PI_2 { off_rad - PI.copysign(off_rad) } else { off_rad }
 }
 
 impl<'a> Measured<'a> {
@@ -174,6 +261,7 @@ impl<'a> Measured<'a> {
             at: Column2::new(at.x_m, at.y_m),
             covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
             heading_rad: found.pose.heading_rad + ego.heading_rad,
+            sight: Column2::new(cos, sin),
         }
     }
 }
@@ -182,7 +270,7 @@ impl Followed {
     fn founded(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
         let found = measured.found;
         let speed = params.motion(found.kind).speed_mps;
-        Self {
+        let mut founded = Self {
             id,
             kind: found.kind,
             kind_score: found.score,
@@ -192,29 +280,90 @@ impl Followed {
             extent: found.extent,
             hits: 1,
             last_seen: stamp,
+            is_in_image: found.image_px.is_some(),
+            strayed: None,
             is_confirmed: params.hits_min <= 1,
+        };
+        founded.take_speed(measured, params);
+        founded
+    }
+
+    /// Squared Mahalanobis distance to a box, after a sudden velocity change with this standard deviation in m/s, and
+    /// the logarithm of the determinant of its covariance; `None` if their kinds are not confused.
+    fn distance(&self, change_mps: f64, measured: &Measured<'_>) -> Option<(f64, f64)> {
+        if Group::of(self.kind) != Group::of(measured.found.kind) {
+            return None;
+        }
+        self.filter.squared_distance(change_mps, measured.at, measured.covariance)
+    }
+
+    /// True if a newer track is one of the same object: two bodies do not share most of their ground, nor part of it
+    /// where their positions differ by no more than their errors. Two boxes that one sensor finds at the same instant are
+    /// two objects.
+    fn is_same_as(&self, newer: &Self, stamp: Time, gate: f64) -> bool {
+        let (a, b) = (self.outline(), newer.outline());
+        if !a.overlaps(&b) {
+            return false;
+        }
+        let are_two = [self, newer].iter().all(|track| track.last_seen == stamp)
+            && self.is_in_image == newer.is_in_image;
+        let share = shared_area_m2(&a, &b) / a.area_m2().min(b.area_m2());
+        let is_near = || self.filter.apart(&newer.filter).is_some_and(|square| square < gate);
+        match (Group::of(self.kind), Group::of(newer.kind)) {
+            _ if are_two => false,
+            (a, b) if a == b => share > SAME_SHARE || is_near(),
+            (a, b) => (a == Group::Fixed || b == Group::Fixed) && share > SAME_SHARE,
         }
     }
 
-    /// Squared Mahalanobis distance to a box, after a sudden velocity change with this standard deviation in m/s;
-    /// infinite if one is a person and the other is not.
-    fn distance(&self, change_mps: f64, measured: &Measured<'_>) -> f64 {
-        if self.kind.is_person() != measured.found.kind.is_person() {
-            return f64::INFINITY;
+    /// Takes over a newer track of the same object.
+    fn merge(&mut self, newer: Self) {
+        let is_fixed = |track: &Self| Group::of(track.kind) == Group::Fixed;
+        let by_class = is_fixed(self).cmp(&is_fixed(&newer));
+        let by_spread = self.filter.spread_m4().total_cmp(&newer.filter.spread_m4());
+        if by_class.then(by_spread).is_gt() {
+            let is_confirmed = self.is_confirmed || newer.is_confirmed;
+            *self = Self { id: self.id, is_confirmed, ..newer };
         }
-        self.filter.squared_distance(change_mps, measured.at, measured.covariance).unwrap_or(f64::INFINITY)
     }
 
-    fn meet(&mut self, measured: &Measured<'_>, stamp: Time, params: &Params) {
+    fn outline(&self) -> Obb {
+        let (x_m, y_m, _) = self.filter.state();
+        self.extent.footprint(Pose2::new(x_m, y_m, self.heading_rad))
+    }
+
+    /// Prepares for a box outside of the gate; returns the factor of the box's covariance. A first such box may be an
+    /// outlier: it counts with a covariance as large as its distance suggests. At the second in a row, the velocity
+    /// changed before the first.
+    fn stray(&mut self, measured: &Measured<'_>, stamp: Time, params: &Params) -> f64 {
+        let Motion { accel_density, change_mps, .. } = params.motion(self.kind);
+        if let Some(strayed) = self.strayed.take() {
+            let Stray { before: mut filter, at, covariance } = *strayed;
+            filter.jump(change_mps);
+            filter.update(at, covariance, params.sightings_max);
+            filter.predict(stamp, accel_density);
+            self.filter = filter;
+            return 1.0;
+        }
+        let square = self.distance(0.0, measured).map_or(0.0, |(square, _)| square);
+        let (before, at, covariance) = (self.filter.clone(), measured.at, measured.covariance);
+        self.strayed = Some(Box::new(Stray { before, at, covariance }));
+        (square / DIMENSIONS).max(1.0)
+    }
+
+    /// Takes a box whose covariance is multiplied by `noise`.
+    fn meet(&mut self, measured: &Measured<'_>, noise: f64, stamp: Time, params: &Params) {
         let found = measured.found;
-        self.filter.update(measured.at, measured.covariance, params.sightings_max);
+        self.filter.update(measured.at, measured.covariance * noise, params.sightings_max);
+        self.take_speed(measured, params);
+        self.is_in_image = found.image_px.is_some();
         if found.score > self.kind_score {
             (self.kind, self.kind_score) = (found.kind, found.score);
         }
         // Mean of all values so far, until the gain reaches that of the low-pass.
         self.hits += 1;
         let gain = (1.0 / self.hits as f64).max(params.shape_gain);
-        self.heading_rad += gain * angle_between(self.heading_rad, measured.heading_rad);
+        self.heading_rad += gain * axis_between(self.heading_rad, measured.heading_rad);
         let mix = |old: f64, new: f64| old + gain * (new - old);
         self.score = mix(self.score, found.score);
         self.extent = Extent {
@@ -224,6 +373,13 @@ impl Followed {
         };
         self.last_seen = stamp;
         self.is_confirmed |= self.hits >= params.hits_min;
+    }
+
+    /// Takes the radial speed of a box.
+    fn take_speed(&mut self, measured: &Measured<'_>, params: &Params) {
+        if let Some(speed_mps) = measured.found.radial_speed_mps.filter(|_| params.radial_noise_mps > 0.0) {
+            self.filter.update_speed(measured.sight, speed_mps, params.radial_noise_mps, params.gate);
+        }
     }
 
     fn track(&self) -> Track {

@@ -18,21 +18,19 @@ pub(crate) fn interval(hits: usize, runs: usize) -> String {
     format!("({low:.2}-{high:.2})")
 }
 
-/// Probability of counts at least as different as these if both rates were equal: Fisher's exact test, two-sided (R. A.
-/// Fisher, "On the interpretation of chi-squared from contingency tables", 1922). Each argument is hits and runs.
-pub(crate) fn fisher([a, n]: [usize; 2], [b, m]: [usize; 2]) -> f64 {
-    let hits = a + b;
-    // Terms of the hypergeometric distribution, each from the previous one, relative to the first.
-    let least = hits.saturating_sub(m);
-    let mut terms = vec![1.0_f64];
-    for x in least..hits.min(n) {
-        let up = (n - x) as f64 * (hits - x) as f64;
-        let down = (x + 1) as f64 * (m + x + 1 - hits) as f64;
-        terms.push(terms[x - least] * up / down);
+/// Probability of pairs at least as unequal as these if both sides were equal: the exact test of McNemar, two-sided (Q.
+/// McNemar, "Note on the sampling error of the difference between correlated proportions or percentages", 1947). The
+/// arguments are the numbers of pairs in which only the one and only the other side hit.
+pub(crate) fn mcnemar(one: usize, other: usize) -> f64 {
+    let (n, least) = (one + other, one.min(other));
+    // Terms of the binomial distribution for one half, each from the previous one.
+    let mut term = 0.5_f64.powi(n.min(1000) as i32);
+    let mut tail = 0.0;
+    for k in 0..=least {
+        tail += term;
+        term *= (n - k) as f64 / (k + 1) as f64;
     }
-    let here = terms[a - least] * (1.0 + 1e-7);
-    let as_unlike: f64 = terms.iter().filter(|term| **term <= here).sum();
-    (as_unlike / terms.iter().sum::<f64>()).min(1.0)
+    (2.0 * tail).min(1.0)
 }
 
 /// Quantile of Student's t distribution for two-sided 95 % intervals; above nine degrees of freedom by the expansion in
@@ -64,17 +62,23 @@ mod tests {
     }
 
     #[test]
-    fn p_values_match_fisher() {
-        // Computed by summing binomial coefficients in integers.
-        for (a, b, likelihood) in [
-            ([53, 60], [47, 60], 0.220_103_549),
-            ([3, 60], [2, 60], 1.0),
-            ([0, 10], [10, 10], 1.082_508_8e-5),
-            ([8, 60], [20, 60], 0.016_627_184),
-            ([0, 0], [1, 2], 1.0),
+    fn p_values_match_mcnemar() {
+        // Sums of binomial coefficients over a power of two.
+        for (one, other, likelihood) in [
+            (0, 0, 1.0),
+            (1, 0, 1.0),
+            (0, 5, 0.0625),
+            (0, 6, 0.031_25),
+            (2, 9, 134.0 / 2048.0),
+            (10, 10, 1.0),
+            (15, 30, 0.035_698),
         ] {
-            assert!((fisher(a, b) - likelihood).abs() < 1e-8, "{a:?} {b:?}: {}", fisher(a, b));
-            assert_eq!(fisher(b, a), fisher(a, b));
+            assert!(
+                (mcnemar(one, other) - likelihood).abs() < 1e-6,
+                "{one} {other}: {}",
+                mcnemar(one, other)
+            );
+            assert_eq!(mcnemar(other, one), mcnemar(one, other));
         }
     }
 

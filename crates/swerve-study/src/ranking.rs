@@ -1,12 +1,13 @@
 //! Ranking of settings: cells pooled over all axes but some, and compared with each other.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use swerve_eval::median;
 use swerve_report::output::align;
 
-use super::chance::{fisher, interval, wilson};
+use super::chance::{interval, mcnemar, wilson};
 use super::csv::field;
 use super::grid::Study;
 use super::result::CellResult;
@@ -31,11 +32,30 @@ pub struct Ranked {
     pub response_p99_ms: Option<f64>,
     /// Missed deadlines in all runs.
     pub misses: u64,
+    /// True for each run with a collision, by its steps on the other axes.
+    hits: BTreeMap<Vec<String>, bool>,
+}
+
+/// Result of a run with its steps on the axes over which settings are pooled.
+type Run<'a> = (Vec<String>, &'a CellResult);
+
+/// Comparison of two settings by the runs that agree on all other axes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Paired {
+    /// Number of pairs of runs.
+    pub pairs: usize,
+    /// Pairs of which only the run of the worse setting hit.
+    pub only_worse: usize,
+    /// Pairs of which only the run of the better setting hit.
+    pub only_better: usize,
+    /// Probability of a difference as large by chance (exact test of McNemar, two-sided).
+    pub p: f64,
 }
 
 impl Ranked {
-    fn of<'a>(labels: Vec<String>, results: impl Iterator<Item = &'a CellResult> + Clone) -> Self {
+    fn of(labels: Vec<String>, pooled: &[Run<'_>]) -> Self {
         let hit = |result: &&CellResult| result.verdict == "collision";
+        let results = pooled.iter().map(|(_, result)| *result);
         let collisions = results.clone().filter(hit).count();
         let avoided = results.clone().filter(|result| result.avoided()).count();
         let runs = results.clone().count();
@@ -48,7 +68,16 @@ impl Ranked {
             response_p50_ms: median(results.clone().filter_map(|r| r.response_p50_ms)),
             response_p99_ms: median(results.clone().filter_map(|r| r.response_p99_ms)),
             misses: results.map(|r| r.misses).sum(),
+            hits: pooled.iter().map(|(others, result)| (others.clone(), hit(result))).collect(),
         }
+    }
+
+    /// Compares this setting with a better one.
+    pub fn against(&self, better: &Self) -> Paired {
+        let pairs = self.hits.iter().filter_map(|(others, hit)| Some((*hit, *better.hits.get(others)?)));
+        let count = |wanted: (bool, bool)| pairs.clone().filter(|pair| *pair == wanted).count();
+        let (only_worse, only_better) = (count((true, false)), count((false, true)));
+        Paired { pairs: pairs.count(), only_worse, only_better, p: mcnemar(only_worse, only_better) }
     }
 
     /// Share of runs with a collision, 0 to 1.
@@ -97,16 +126,20 @@ pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]
     let labels_of = |result: &CellResult| -> Vec<String> {
         axes.iter().filter_map(|&axis| result.labels.get(axis).cloned()).collect()
     };
-    let mut by_labels: Vec<(Vec<String>, Vec<&CellResult>)> = Vec::new();
+    let others_of = |result: &CellResult| -> Vec<String> {
+        let others = result.labels.iter().enumerate().filter(|(axis, _)| !axes.contains(axis));
+        others.map(|(_, label)| label.clone()).collect()
+    };
+    let mut by_labels: Vec<(Vec<String>, Vec<Run<'_>>)> = Vec::new();
     for result in results.iter().flatten().filter(|result| result.error.is_none()) {
-        let labels = labels_of(result);
+        let (labels, one) = (labels_of(result), (others_of(result), result));
         match by_labels.iter_mut().find(|(known, _)| *known == labels) {
-            Some((_, pooled)) => pooled.push(result),
-            None => by_labels.push((labels, vec![result])),
+            Some((_, pooled)) => pooled.push(one),
+            None => by_labels.push((labels, vec![one])),
         }
     }
     let mut settings: Vec<Ranked> =
-        by_labels.into_iter().map(|(labels, pooled)| Ranked::of(labels, pooled.into_iter())).collect();
+        by_labels.into_iter().map(|(labels, pooled)| Ranked::of(labels, &pooled)).collect();
     settings.sort_by(Ranked::better_than);
     settings
 }
@@ -117,8 +150,8 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     for axis in &ranking.settings {
         let _ = write!(text, "{},", field(axis));
     }
-    text += "runs,collisions,collisions_low,collisions_high,impact_mean_mps,others,others_low,others_high,response_p50_ms,response_p99_ms,misses\n";
-    for setting in settings {
+    text += "runs,collisions,collisions_low,collisions_high,impact_mean_mps,others,others_low,others_high,response_p50_ms,response_p99_ms,misses,pairs,only_this_hit,only_above_hit,p\n";
+    for (k, setting) in settings.iter().enumerate() {
         let mut columns = setting.columns();
         columns.iter_mut().filter(|cell| *cell == "-").for_each(String::clear); // statistics packages read numbers
         // From the right, as insertions shift the columns after them.
@@ -126,6 +159,12 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
             let (low, high) = wilson(count, setting.runs);
             columns.splice(behind..behind, [low, high].map(|share| format!("{share:.3}")));
         }
+        columns.extend(match k.checked_sub(1).map(|above| setting.against(&settings[above])) {
+            None => [const { String::new() }; 4],
+            Some(Paired { pairs, only_worse, only_better, p }) => {
+                [pairs.to_string(), only_worse.to_string(), only_better.to_string(), format!("{p:.4}")]
+            }
+        });
         let cells = setting.labels.iter().cloned().chain(columns);
         text += &cells.map(|cell| field(&cell)).collect::<Vec<_>>().join(",");
         text.push('\n');
@@ -152,8 +191,16 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
     };
     let mut head: Vec<String> = ranking.settings.clone();
     head.extend(COLUMNS.map(str::to_owned));
+    head.push("p".to_owned());
     let mut lines = vec![head];
-    lines.extend(shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.cells()).collect()));
+    for (k, setting) in shown.iter().enumerate() {
+        let p = k.checked_sub(1).map(|above| match setting.against(shown[above]).p {
+            p if p < 0.001 => "<0.001".to_owned(),
+            p => format!("{p:.3}"),
+        });
+        let cells = setting.labels.iter().cloned().chain(setting.cells());
+        lines.push(cells.chain([p.unwrap_or_else(|| "-".to_owned())]).collect());
+    }
     let mut text = match &ranking.best_of {
         Some(name) => format!("the best setting of each {name}\n"),
         None => "the best settings\n".to_owned(),
@@ -161,19 +208,7 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
     text += &align(&lines);
     text += "collisions, and others: runs that neither hit nor ended well (stopped, left the road, ran out of time), each of \
              all runs with its 95 % interval\n";
-    if let (Some(place), [best, next, ..]) = (place, &shown[..]) {
-        let told = |s: &Ranked| {
-            let (low, high) = wilson(s.collisions, s.runs);
-            let (label, percent) = (&s.labels[place], |x: f64| (100.0 * x).round());
-            format!("{label} {} of {} (95 %: {} to {} %)", s.collisions, s.runs, percent(low), percent(high))
-        };
-        let likelihood = fisher([best.collisions, best.runs], [next.collisions, next.runs]);
-        let apart =
-            if likelihood < 0.05 { "distinguishable" } else { "not distinguishable with so few runs" };
-        let (best, next) = (told(best), told(next));
-        let _ =
-            writeln!(text, "collisions: {best}, {next}: {apart} (Fisher's exact test: p = {likelihood:.2})");
-    }
+    text += "p: exact test of McNemar against the row above, over the runs that agree on all other axes\n";
     text
 }
 
@@ -236,14 +271,33 @@ mod tests {
         assert_eq!(order, ["b 1", "a 3", "a 2", "a 1"]);
         assert_eq!((settings[3].collisions, settings[3].runs, settings[3].misses), (2, 2, 2));
         let text = text(&ranking, &settings);
-        let end = "collisions: b 0 of 2 (95 %: 0 to 66 %), a 1 of 2 (95 %: 9 to 91 %): not distinguishable with so few runs \
-                   (Fisher's exact test: p = 1.00)\n";
-        assert!(text.ends_with(end), "{text}");
+        assert!(text.ends_with("over the runs that agree on all other axes\n"), "{text}");
         assert!(!text.contains("a      2") && text.contains("  1/2 (0.09-0.91)  "), "{text}");
         assert_eq!(
             csv(&ranking, &settings).lines().nth(2).unwrap(),
-            "a,3,2,1,0.095,0.905,4.0,0,0.000,0.658,100,,2"
+            "a,3,2,1,0.095,0.905,4.0,0,0.000,0.658,100,,2,2,1,0,1.0000"
         );
+    }
+
+    #[test]
+    fn settings_are_compared_by_pairs_of_runs() {
+        let text = "base = { scenario = \"a.toml\" }\n[ranking]\nsettings = [\"model\"]\n\
+            [[axis]]\nname = \"model\"\n[[axis.settings]]\nname = \"a\"\n[[axis.settings]]\nname = \"b\"\n\
+            [[axis]]\nkey = \"seed\"\nvalues = \"1..10\"\n";
+        let study = study(text).unwrap();
+        // Both hit at seed 10; at 1 to 8 only `a`; at 9 only `b`.
+        let results = results(&study, |labels| match (&*labels[0], labels[1].parse::<u32>().unwrap()) {
+            ("a", 1..=8) | ("b", 9) | (_, 10) => Some(5.0),
+            _ => None,
+        });
+        let ranking = study.ranking.clone().unwrap();
+        let settings = settings(&study, &ranking, &results);
+        assert_eq!(settings[1].labels, ["a"]);
+        // 2 (1 + 9) / 2^9.
+        let paired = Paired { pairs: 10, only_worse: 8, only_better: 1, p: 20.0 / 512.0 };
+        assert_eq!(settings[1].against(&settings[0]), paired);
+        assert!(csv(&ranking, &settings).ends_with(",10,8,1,0.0391\n"));
+        assert!(super::text(&ranking, &settings).contains("  0.039\n"));
     }
 
     #[test]

@@ -222,6 +222,7 @@ impl Logged {
             route: Some(pipeline.route.clone()),
             lights: light_courses(&pipeline.scenario.road, &pipeline.route, pipeline.until),
             norm: norm(&pipeline.scenario),
+            tracks_boxes: false,
         });
         let stack = pipeline.stack();
         let assembly = &pipeline.assembly;

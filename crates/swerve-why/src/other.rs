@@ -281,6 +281,7 @@ mod tests {
             route: None,
             lights: Vec::new(),
             norm: swerve_eval::Norm::default(),
+            tracks_boxes: false,
         };
         let metrics = swerve_eval::Evaluation::new(params).metrics();
         // 10 m/s for 6 s, 4 s of standstill before the line at 62 m, then on over the line at 101 m.

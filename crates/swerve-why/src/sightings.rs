@@ -11,10 +11,6 @@ use swerve_stack::Assembly;
 
 use super::timeline::{Seen, Timeline};
 
-/// Assignment distance from an actor's outline, metres, plus this share of its distance from the ego.
-const NEAR_M: f64 = 2.0;
-const NEAR_SHARE: f64 = 0.05;
-
 /// Finds one actor in the streams of a log.
 pub(super) struct Sightings<'a> {
     log: &'a Log,
@@ -100,13 +96,7 @@ impl<'a> Sightings<'a> {
     }
 }
 
-/// Nearest actor to a position, if within the assignment distance.
+/// Actor at a position.
 fn owner(truth: &WorldState, place: Point2) -> Option<ActorId> {
-    let away = |actor: &swerve_msg::truth::Actor| actor.footprint().distance_to_point(place);
-    let near = truth.actors.iter().min_by(|a, b| {
-        let from_center = |a: &swerve_msg::truth::Actor| a.pose.point().distance(place);
-        away(a).total_cmp(&away(b)).then(from_center(a).total_cmp(&from_center(b)))
-    });
-    let reach_m = NEAR_M + NEAR_SHARE * truth.ego.state.pose.point().distance(place);
-    near.filter(|actor| away(actor) <= reach_m).map(|actor| actor.id)
+    swerve_eval::actor_at(truth, place).map(|actor| actor.id)
 }

@@ -44,6 +44,7 @@ fn measured(of: impl Fn(&mut Metrics)) -> Metrics {
         route: None,
         lights: Vec::new(),
         norm: swerve_eval::Norm::default(),
+        tracks_boxes: false,
     })
     .metrics();
     metrics.actors = vec![ActorMetrics {
@@ -53,6 +54,8 @@ fn measured(of: impl Fn(&mut Metrics)) -> Metrics {
         min_distance_m: 0.7,
         min_distance_at_s: 4.0,
         first_sight_s: None,
+        tracked_s: None,
+        velocity_known_s: None,
     }];
     of(&mut metrics);
     metrics

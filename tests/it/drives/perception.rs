@@ -158,7 +158,7 @@ fn fused_object_persists_when_a_sensor_is_blind() {
         let (truck, ego) = (&world.actors[0], world.ego.state.pose);
         let off_m = ego.from_local(found.pose.point()).distance(truck.pose.point());
         assert!(off_m < off_max_m && found.kind == truck.kind, "{blind:?}: {found:?}");
-        assert_eq!(variance_m2(found) < 0.15, blind != Some("lidar_objects"), "{blind:?}: {found:?}");
+        assert_eq!(variance_m2(found) < 0.5, blind != Some("lidar_objects"), "{blind:?}: {found:?}");
         let is_in_picture = sure.iter().any(|(_, b)| b.image_px.is_some());
         assert_eq!(is_in_picture, blind != Some("detector"), "{blind:?}");
         let speed_mps = found.radial_speed_mps.expect("the radar sees a truck");

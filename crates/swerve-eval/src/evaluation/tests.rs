@@ -13,6 +13,7 @@ fn evaluation() -> Evaluation {
         route: None,
         lights: Vec::new(),
         norm: Norm::default(),
+        tracks_boxes: false,
     })
 }
 

@@ -1,7 +1,7 @@
 //! Assignment of radar echoes to objects.
 
 use swerve_geom::{Ego, Map, Point2, Pose2, Vector2, angle_between, math};
-use swerve_msg::{EgoState, Extent, RadarScan};
+use swerve_msg::{ActorKind, EgoState, Extent, RadarScan};
 
 use super::object::Object;
 use super::params::Params;
@@ -29,6 +29,9 @@ struct Echo {
 
 /// Standard deviation of half an object's size, as a share of it.
 const SIZE_SHARE: f64 = 0.3;
+
+/// Radial speed above which an object moves, m/s: several standard deviations of an echo's.
+const MOVES_MPS: f64 = 1.5;
 
 /// Distance gate of an echo, in standard deviations of the object's distance.
 const DEVIATIONS: f64 = 3.0;
@@ -96,6 +99,10 @@ impl Echo {
 
     fn tell(&self, object: &mut Object, radar: Pose2<Ego>, params: &Params) {
         object.found.radial_speed_mps = Some(self.speed_mps);
+        // An object of no class that moves is no static one.
+        if object.found.kind == ActorKind::Static && self.speed_mps.abs() > MOVES_MPS {
+            object.found.kind = ActorKind::Car;
+        }
         let (bearing_rad, _) = polar(object.found.pose.point() - radar.point());
         if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
             return;

@@ -209,6 +209,19 @@ fn fusion_takes_the_speed_over_ground_from_the_radar() {
 }
 
 #[test]
+fn static_object_that_moves_is_a_vehicle() {
+    let lidar = list(0, vec![found(ActorKind::Static, 40.0, 3.0, 0.9)]);
+    let kind = |speed_mps| {
+        let scan =
+            RadarScan { stamp: Time::ZERO, detections: vec![echo([40.0, 3.0], [speed_mps, 0.0], 20.0)] };
+        let sources =
+            Sources { lidar: Some(by_lidar(&lidar)), radar: Some(echoes(&scan)), ..Sources::default() };
+        fused(&sources)[0].kind
+    };
+    assert_eq!([-5.0, 0.5].map(kind), [ActorKind::Car, ActorKind::Static]);
+}
+
+#[test]
 fn fusion_takes_the_distance_from_the_radar_instead_of_the_ground_plane() {
     let camera = list(0, vec![seen(ActorKind::Car, [45.0, 4.0], [52.0, 4.7], 0.8)]);
     let scan = RadarScan { stamp: Time::ZERO, detections: vec![echo([42.8, 4.0], [0.0, 0.0], 15.0)] };

@@ -15,6 +15,9 @@ const FINE: (f32, i32) = (FRAC_PI_2 / 90.0, 4);
 /// relative to the best fit.
 const ALIGNED: (f32, f32) = (0.26, 0.75);
 
+/// Width in view from which points show a side along an axis, metres.
+const SIDE_M: f32 = 0.15;
+
 /// Rectangle fitted to the points of a cluster.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Fit {
@@ -159,8 +162,14 @@ fn judge(points: &[[f32; 4]], step: usize, heading_rad: f32) -> Fit {
 /// the class.
 ///
 /// The visible part is kept; the missing part is added on the side away from the sensor, or on both if the sensor faces
-/// the middle.
-pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 2]) -> Option<Rectangle> {
+/// the middle. If a nearer object hides either the left or the right end, as seen from the sensor, the missing part of
+/// a visible side is added there.
+pub(super) fn complete(
+    fit: &Fit,
+    class: &Class,
+    is_across: bool,
+    (sensor, hidden): ([f32; 2], [bool; 2]),
+) -> Option<Rectangle> {
     let [cos, sin] = fit.turn;
     let from = [sensor[0] * cos + sensor[1] * sin, sensor[1] * cos - sensor[0] * sin];
     let (mut ends, mut seen_m, mut size_m) = (fit.ends, [0.0; 2], [0.0; 2]);
@@ -176,6 +185,7 @@ pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 
         // For a sensor beyond the low end, all of the missing part is added at the high end.
         let share = ((low - from[axis]) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0)
             - ((from[axis] - high) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0);
+        let share = hidden_end(fit, axis, sensor, hidden).unwrap_or(share);
         let beyond = missing * 0.5 * (1.0 + share);
         ends[axis] = [low - (missing - beyond), high + beyond];
     }
@@ -184,6 +194,18 @@ pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 
     let (heading_rad, turn) =
         if is_across { (fit.heading_rad + FRAC_PI_2, [-sin, cos]) } else { (fit.heading_rad, [cos, sin]) };
     Some(Rectangle { middle, turn, heading_rad, size_m, seen_m })
+}
+
+/// Hidden end of an axis of a fit: 1 for the high end, -1 for the low end; `None` if no side along it is in view, or if
+/// both or none of the ends are hidden.
+fn hidden_end(fit: &Fit, axis: usize, sensor: [f32; 2], [left, right]: [bool; 2]) -> Option<f32> {
+    let ([cos, sin], [along, across]) = (fit.turn, fit.ends.map(|[low, high]| 0.5 * (low + high)));
+    let [dx, dy] = [along * cos - across * sin - sensor[0], along * sin + across * cos - sensor[1]];
+    // The axis against the direction to the left of the line of sight.
+    let [x, y] = if axis == 0 { [cos, sin] } else { [-sin, cos] };
+    let leftward = (y * dx - x * dy) / libm::hypotf(dx, dy).max(f32::MIN_POSITIVE);
+    let in_view_m = leftward.abs() * (fit.ends[axis][1] - fit.ends[axis][0]);
+    (left != right && in_view_m > SIDE_M).then(|| if left { leftward.signum() } else { -leftward.signum() })
 }
 
 #[cfg(test)]
@@ -231,10 +253,33 @@ mod tests {
             near.sort_by(|a, b| range(a).total_cmp(&range(b)));
             near.truncate(90);
             let fit = fit(&near, Some(heading));
-            let boxes = [false, true].map(|across| complete(&fit, &CLASSES[0], across, [0.0, 0.0]));
+            let boxes = [false, true].map(|across| complete(&fit, &CLASSES[0], across, IN_VIEW));
             let off = |b: &Rectangle| libm::hypotf(b.middle[0] - middle[0], b.middle[1] - middle[1]);
             let best = boxes.iter().flatten().map(off).fold(9.0, f32::min);
             assert!(best < 0.25, "{middle:?} {heading}: {boxes:?}");
+        }
+    }
+
+    /// A sensor at the origin, and no end hidden.
+    const IN_VIEW: ([f32; 2], [bool; 2]) = ([0.0, 0.0], [false, false]);
+
+    #[test]
+    fn complete_adds_the_part_that_a_nearer_object_hides() {
+        // The front half of the left side of a car in the right lane, whose rear half is hidden by a truck.
+        let side: Vec<[f32; 4]> = (0..22).map(|k| [14.2 + 0.1 * k as f32, -2.5, 0.5, 0.5]).collect();
+        // The left half of a person straight ahead; the right half is hidden.
+        let person: Vec<[f32; 4]> = (0..6).map(|k| [15.0, 0.05 * k as f32, 1.0, 1.0]).collect();
+        for (points, class, hidden, [x, y]) in [
+            (&side, &CLASSES[0], [false, true], [14.1, -3.4]),
+            (&side, &CLASSES[0], [false, false], [16.4, -3.4]),
+            (&side, &CLASSES[0], [true, true], [16.4, -3.4]),
+            (&person, &CLASSES[3], [false, true], [15.25, 0.0]),
+            (&person, &CLASSES[3], [true, false], [15.25, 0.25]),
+        ] {
+            let fit = fit(points, Some(0.0));
+            let found = complete(&fit, class, false, ([1.4, 0.0], hidden)).unwrap();
+            let [dx, dy] = [found.middle[0] - x, found.middle[1] - y];
+            assert!(libm::hypotf(dx, dy) < 0.06, "{:?} {hidden:?} {found:?}", class.kind);
         }
     }
 
@@ -265,6 +310,6 @@ mod tests {
         let points: Vec<[f32; 4]> = (0..100).map(|k| [10.0, 0.1 * k as f32, 0.5, 0.5]).collect();
         let fit = fit(&points, None);
         assert!(CLASSES.iter().all(|class| class.kind == ActorKind::Truck
-            || [false, true].iter().all(|across| complete(&fit, class, *across, [0.0, 0.0]).is_none())));
+            || [false, true].iter().all(|across| complete(&fit, class, *across, IN_VIEW).is_none())));
     }
 }

@@ -8,7 +8,7 @@ use swerve_msg::{EgoState, PointCloud, Route};
 pub struct Scan<'a> {
     /// Points of the sweep.
     pub cloud: &'a PointCloud,
-    /// Mounting pose of the lidar.
+    /// Pose of the lidar above level ground: its mounting pose, with the pitch of the body.
     pub ego_from_lidar: Transform<Ego, Lidar>,
     /// Measured ego state at the cloud's stamp.
     pub ego: EgoState,

@@ -28,9 +28,9 @@ const SCENE: [Block; 5] = [
 ];
 
 /// Distance along a ray from the sensor to the ground or a block, metres.
-fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
+fn range_m(scene: &[Block], [dx, dy, dz]: [f64; 3]) -> f64 {
     let ground = if dz < -1e-6 { -ROOF_M[2] / dz } else { f64::INFINITY };
-    SCENE.iter().fold(ground, |nearest, &[x, y, heading, length, width, height]| {
+    scene.iter().fold(ground, |nearest, &[x, y, heading, length, width, height]| {
         let (sin, cos) = math::sin_cos(heading);
         let (ox, oy) = (ROOF_M[0] - x, ROOF_M[1] - y);
         let from = [ox * cos + oy * sin, oy * cos - ox * sin, ROOF_M[2]];
@@ -49,6 +49,11 @@ fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
 
 /// Sweep of 32 beams over the scene, from an ego with this speed and yaw rate.
 fn turn(speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
+    turn_over(&SCENE, speed_mps, yaw_rate_radps)
+}
+
+/// The same over another scene.
+fn turn_over(scene: &[Block], speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
     let mut rng = Rng::keyed(7, "noise", &[]);
     let mut cloud = PointCloud { stamp: Time::from_ms(500), ..PointCloud::default() };
     let columns = 1200_u32;
@@ -58,7 +63,7 @@ fn turn(speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
         for beam in 0..32_u16 {
             let elevation = -0.35 + 0.013 * f64::from(beam);
             let ((sa, ca), (se, ce)) = (math::sin_cos(azimuth), math::sin_cos(elevation));
-            let range = range_m([ca * ce, sa * ce, se]) + 0.01 * rng.normal();
+            let range = range_m(scene, [ca * ce, sa * ce, se]) + 0.01 * rng.normal();
             if range > 100.0 {
                 continue;
             }
@@ -119,12 +124,33 @@ fn points_are_compensated_for_ego_motion() {
     assert!(most < 1e-3, "{most} m");
 }
 
+/// Straight route with 4 m of drivable ground to the left and 5 m to the right.
+fn straight_route() -> Route {
+    let line = swerve_geom::Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(80.0, 0.0)]).unwrap();
+    Route::new(line, Borders::new(Border::constant(4.0), Border::constant(5.0)))
+}
+
+#[test]
+fn objects_of_no_class_are_static_if_they_are_on_the_road() {
+    // A pallet in the lane, another one beside the road, and a car.
+    let pallet = |y: f64| [18.0, y, 0.3, 1.0, 0.8, 0.4];
+    let cloud = turn_over(&[pallet(0.4), pallet(-6.5), SCENE[0]], 0.0, 0.0);
+    let route = straight_route();
+    let found = detect(&mut objects(Params::default()), &Scan { route: Some(&route), ..scan(&cloud) });
+    let fixed: Vec<&DetectedBox> = found.boxes.iter().filter(|b| b.kind == ActorKind::Static).collect();
+    let [pallet] = fixed.as_slice() else { panic!("{fixed:?}") };
+    // Its near side is at 17.5 m.
+    assert!((17.4..18.2).contains(&pallet.pose.x_m) && (pallet.pose.y_m - 0.4).abs() < 0.2, "{pallet:?}");
+    assert!(pallet.score > 0.6 && pallet.extent.height_m < 0.45, "{pallet:?}");
+    assert!(found.boxes.iter().any(|b| b.kind == ActorKind::Car), "{found:?}");
+    let without = detect(&mut objects(Params::default()), &scan(&cloud));
+    assert!(without.boxes.iter().all(|b| b.kind != ActorKind::Static), "the road is not known: {without:?}");
+}
+
 #[test]
 fn boxes_are_aligned_with_a_known_route() {
     let cloud = turn(0.0, 0.0);
-    let line = swerve_geom::Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(80.0, 0.0)]).unwrap();
-    let borders = Borders::new(Border::constant(4.0), Border::constant(5.0));
-    let route = Route::new(line, borders);
+    let route = straight_route();
     let found = detect(&mut objects(Params::default()), &Scan { route: Some(&route), ..scan(&cloud) });
     let cars = found.boxes.iter().filter(|b| b.kind == ActorKind::Car && b.score > 0.5);
     assert!(cars.clone().count() >= 3);

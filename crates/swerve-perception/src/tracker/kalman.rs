@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix2x4, Matrix4, RowVector4, Vector2, Vector4};
 use swerve_core::Time;
-use swerve_geom::Point2;
+use swerve_geom::{Point2, math};
 
 /// Filter with the state x and y in metres, and their velocities in m/s (Bar-Shalom, Li and Kirubarajan 2001, section
 /// 6.2.2: continuous white noise acceleration).
@@ -121,24 +121,60 @@ impl Filter {
         }
     }
 
+    /// Updates with a measured velocity component along a unit vector, m/s, of this standard deviation. Call it after
+    /// [`update`](Self::update).
+    pub(super) fn update_speed(&mut self, along: Vector2<f64>, speed_mps: f64, noise_mps: f64, gate: f64) {
+        let step = self.steps.back_mut().expect("a filter starts with a step and keeps its last");
+        let (h, Gauss { mean, covariance }) = (RowVector4::new(0.0, 0.0, along.x, along.y), step.filtered);
+        let variance = (h * covariance * h.transpose())[0] + noise_mps * noise_mps;
+        let off_mps = speed_mps - (h * mean)[0];
+        if off_mps * off_mps > gate * variance {
+            return;
+        }
+        let gain = covariance * h.transpose() / variance;
+        let rest = Matrix4::identity() - gain * h;
+        step.filtered = Gauss {
+            mean: mean + gain * off_mps,
+            covariance: rest * covariance * rest.transpose()
+                + gain * gain.transpose() * (noise_mps * noise_mps),
+        };
+    }
+
     /// Squared Mahalanobis distance of a measurement from the predicted position, after a sudden velocity change with
-    /// this standard deviation, m/s.
+    /// this standard deviation, m/s; and the logarithm of the determinant of its covariance.
     pub(super) fn squared_distance(
         &self,
         change_mps: f64,
         measured: Vector2<f64>,
         noise: Matrix2<f64>,
-    ) -> Option<f64> {
+    ) -> Option<(f64, f64)> {
         let (h, Gauss { mean, covariance }) = (position(), self.expected(change_mps));
         let off = measured - h * mean;
-        let inverse = (h * covariance * h.transpose() + noise).try_inverse()?;
-        Some((off.transpose() * inverse * off)[0])
+        let spread = h * covariance * h.transpose() + noise;
+        Some(((off.transpose() * spread.try_inverse()? * off)[0], math::ln(spread.determinant())))
+    }
+
+    /// Squared Mahalanobis distance of the present positions of two tracks with independent errors.
+    pub(super) fn apart(&self, other: &Self) -> Option<f64> {
+        let (h, a, b) = (position(), self.last().filtered, other.last().filtered);
+        let off = h * (a.mean - b.mean);
+        Some((off.transpose() * (h * (a.covariance + b.covariance) * h.transpose()).try_inverse()? * off)[0])
     }
 
     /// Current position and velocity.
     pub(super) fn state(&self) -> (f64, f64, [f64; 2]) {
         let mean = self.last().filtered.mean;
         (mean[0], mean[1], [mean[2], mean[3]])
+    }
+
+    /// Covariance of the current position and velocity.
+    pub(super) fn covariance(&self) -> Matrix4<f64> {
+        self.last().filtered.covariance
+    }
+
+    /// Determinant of the covariance of the current position, m⁴.
+    pub(super) fn spread_m4(&self) -> f64 {
+        (position() * self.covariance() * position().transpose()).determinant()
     }
 
     /// Measured instants, oldest first, with the smoothed position of each given all stored measurements.
@@ -244,9 +280,9 @@ mod tests {
         let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, 3.0);
         let far = Vector2::new(4.0, 2.0);
         filter.predict(Time::from_ms(100), 1.0);
-        let seen = filter.squared_distance(0.0, far, noise).unwrap();
+        let seen = filter.squared_distance(0.0, far, noise).unwrap().0;
         filter.predict(Time::from_ms(600), 1.0);
-        assert!(filter.squared_distance(0.0, far, noise).unwrap() < seen);
+        assert!(filter.squared_distance(0.0, far, noise).unwrap().0 < seen);
         filter.update(Vector2::new(1.0, 2.0), noise, 10);
         filter.predict(Time::from_ms(650), 1.0);
         assert_eq!(filter.smoothed().len(), 2, "what was not seen is no sighting");

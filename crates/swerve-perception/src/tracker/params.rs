@@ -63,6 +63,9 @@ pub struct Params {
     // Above zero, so that the covariance does not vanish.
     #[schemars(range(min = 1e-3, max = 10.0))]
     pub floor_noise_m: f64,
+    /// Standard deviation of a radial speed measured by a radar, m/s; 0: such speeds are ignored.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub radial_noise_mps: f64,
     /// Motion model of pedestrians and cyclists.
     #[ranges(nested)]
     pub person: Motion,
@@ -88,6 +91,7 @@ impl Default for Params {
             range_noise_share: 0.03,
             bearing_noise_rad: 0.002,
             floor_noise_m: 0.02,
+            radial_noise_mps: 0.5,
             person: Motion { speed_mps: 2.0, accel_density: 2.0, change_mps: 3.0 },
             vehicle: Motion { speed_mps: 8.0, accel_density: 4.0, change_mps: 3.0 },
             fixed: Motion { speed_mps: 0.05, accel_density: 1e-4, change_mps: 0.05 },

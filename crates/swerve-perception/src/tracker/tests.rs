@@ -274,3 +274,124 @@ fn probation_survives_lists_of_another_sensor() {
     assert_eq!(reported(0.0), [0, 0, 0], "frames in a row");
     assert_eq!(reported(0.11), [0, 0, 1]);
 }
+
+const CAR: Extent = Extent { length_m: 4.4, width_m: 1.8, height_m: 1.5 };
+
+/// Car at `x_m`, with this standard deviation along x.
+fn car(x_m: f64, sigma_m: f64) -> DetectedBox {
+    let covariance_m2 = Some([sigma_m * sigma_m, 0.0, 0.01]);
+    DetectedBox { extent: CAR, covariance_m2, ..found(ActorKind::Car, x_m, 0.0) }
+}
+
+/// A lidar measures the distance to a standing car to 0.1 m. The camera's distance is 1.5 m too small, with a standard
+/// deviation of 3 m, and starts a track of its own whenever it reports the car twice in one list.
+#[test]
+fn tracks_of_one_object_are_merged() {
+    let mut tracker = tracker(Params { probation_s: 0.11, ..Params::default() });
+    let in_image = |b| DetectedBox { image_px: Some([400.0, 300.0, 440.0, 330.0]), ..b };
+    let mut tracks = Vec::new();
+    for k in 0..20_i64 {
+        let boxes = match k % 4 {
+            0 => vec![car(20.0, 0.1), in_image(car(18.5, 3.0))],
+            2 => vec![car(20.0, 0.1)],
+            _ => vec![in_image(car(18.5, 3.0))],
+        };
+        tracks = tracker.update(&frame(25 * k, boxes), origin()).tracks;
+        assert!(tracks.len() <= 1, "{k}: {tracks:?}");
+    }
+    let [track] = tracks.as_slice() else { panic!("{tracks:?}") };
+    assert_eq!(track.id, ActorId(1));
+    assert!((track.pose.x_m - 20.0).abs() < 0.1 && track.velocity_mps.norm() < 0.5, "{track:?}");
+}
+
+#[test]
+fn two_boxes_of_one_sensor_are_two_tracks() {
+    let beside = |y_m| DetectedBox { extent: CAR, ..found(ActorKind::Car, 20.0, y_m) };
+    let mut tracker = tracker(Params::default());
+    let mut update = |k: i64, boxes| tracker.update(&frame(50 * k, boxes), origin()).tracks.len();
+    assert_eq!(
+        [update(0, vec![beside(0.0), beside(0.6)]), update(1, vec![beside(0.0), beside(0.6)])],
+        [0, 2]
+    );
+    assert_eq!(update(2, vec![beside(0.1)]), 1, "a body is not inside another one");
+}
+
+#[test]
+fn static_object_inside_a_vehicle_is_part_of_it() {
+    let part = DetectedBox { extent: PERSON, ..found(ActorKind::Static, 19.0, 0.5) };
+    let mut tracker = tracker(Params::default());
+    let mut kinds = |k: i64, boxes| -> Vec<(u32, ActorKind)> {
+        let tracks = tracker.update(&frame(50 * k, boxes), origin()).tracks;
+        tracks.iter().map(|t| (t.id.0, t.kind)).collect()
+    };
+    assert_eq!([kinds(0, vec![part]), kinds(1, vec![part])], [vec![], vec![(1, ActorKind::Static)]]);
+    let both = || vec![car(20.0, 0.1), DetectedBox { score: 0.5, ..part }];
+    // The identity stays. The car's box is not in the image, as is the part's: the two may be of one object.
+    let seen = DetectedBox { image_px: Some([0.0, 0.0, 9.0, 9.0]), ..both()[0] };
+    assert_eq!(kinds(2, vec![seen, both()[1]]), [(1, ActorKind::Car)]);
+}
+
+#[test]
+fn certain_track_keeps_its_boxes_beside_an_uncertain_one() {
+    // Distances and determinants of two tracks and one box: the uncertain track is nearer by its own measure.
+    let (sure, unsure) = ((4.0, math::ln(0.02)), (0.5, math::ln(9.0)));
+    let of = |t: usize, _: usize| Some(if t == 0 { unsure } else { sure });
+    assert_eq!(likeliest(2, 1, 9.21, of), [(1, 0)]);
+    assert_eq!(likeliest(1, 1, 9.21, |_, _| Some((9.3, -20.0))), []);
+    assert_eq!(likeliest(1, 1, 9.21, |_, _| None), []);
+}
+
+#[test]
+fn outlier_does_not_change_the_velocity_and_a_second_one_does() {
+    let velocities = |second_m: f64| -> Vec<f64> {
+        let mut tracker = tracker(Params::default());
+        let place = |k: i32| match k {
+            20 => 2.0 + 0.3,
+            21 => second_m,
+            k => 0.1 * f64::from(k),
+        };
+        let one = |k: i32| {
+            let person = found(ActorKind::Pedestrian, 15.0, place(k) - 2.0);
+            let tracks = tracker.update(&frame(50 * i64::from(k), vec![person]), origin()).tracks;
+            tracks.first().map_or(0.0, |track| track.velocity_mps.y)
+        };
+        (0..24).map(one).collect()
+    };
+    // She walks at 2 m/s; one box is 0.3 m off.
+    let walks = velocities(2.1);
+    assert!(walks[19..].iter().all(|v| (v - 2.0).abs() < 0.5), "{walks:?}");
+    // She starts to run at 7 m/s.
+    let jumps = velocities(2.6);
+    assert!((jumps[20] - 2.0).abs() < 0.5 && jumps[21] > 4.5, "{jumps:?}");
+}
+
+#[test]
+fn radial_speed_gives_the_velocity_along_the_line_of_sight() {
+    let seen = |radial_speed_mps| DetectedBox { radial_speed_mps, ..car(20.0, 0.5) };
+    let velocity = |speeds: [Option<f64>; 2]| {
+        let mut tracker = tracker(Params::default());
+        tracker.update(&frame(0, vec![seen(speeds[0])]), origin());
+        let tracks = tracker.update(&frame(50, vec![seen(speeds[1])]), origin()).tracks;
+        let spread = tracker.covariance(ActorId(1)).unwrap();
+        (tracks[0].velocity_mps.x, spread[(2, 2)].sqrt(), spread[(3, 3)].sqrt())
+    };
+    let (speed, along, across) = velocity([Some(-9.0), Some(-9.2)]);
+    assert!((speed + 9.1).abs() < 0.3 && along < 0.5 && across > 1.0, "{speed} {along} {across}");
+    let (speed, ..) = velocity([Some(-9.0), Some(9.0)]);
+    assert!((speed + 9.0).abs() < 0.6, "an echo of another object: {speed}");
+    let (speed, along, _) = velocity([None, None]);
+    assert!(speed.abs() < 1.0 && along > 5.0, "{speed} {along}");
+}
+
+#[test]
+fn box_with_front_and_rear_confused_does_not_turn_the_track() {
+    let mut tracker = tracker(Params::default());
+    let mut headings = Vec::new();
+    for k in 0..12_i64 {
+        let heading_rad = if k == 9 { -1.52 } else { 1.6 };
+        let seen = DetectedBox { pose: Pose2::new(20.0, 0.0, heading_rad), ..car(20.0, 0.1) };
+        let tracks = tracker.update(&frame(50 * k, vec![seen]), origin()).tracks;
+        headings.extend(tracks.iter().map(|track| track.pose.heading_rad));
+    }
+    assert!(headings.iter().all(|heading| (heading - 1.6).abs() < 0.02), "{headings:?}");
+}

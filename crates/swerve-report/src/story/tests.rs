@@ -120,6 +120,7 @@ impl Drive {
             route: None,
             lights: Vec::new(),
             norm: Norm::default(),
+            tracks_boxes: false,
         };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
@@ -421,6 +422,7 @@ fn run_without_actors_is_shown_in_full() {
         route: None,
         lights: Vec::new(),
         norm: Norm::default(),
+        tracks_boxes: false,
     };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none, None);

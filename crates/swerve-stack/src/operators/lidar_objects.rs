@@ -2,10 +2,12 @@
 
 use anyhow::Context as _;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
-use swerve_geom::{Ego, Lidar, Transform};
+use swerve_geom::{Ego, Lidar, Point, Transform};
 use swerve_msg::{Detections, EgoState, PointCloud, Route};
 use swerve_perception::lidar::Scan;
+use swerve_vehicle::VehicleParams;
 
+use super::camera_objects::pitch_rad;
 use crate::detectors::NamedLidarDetector;
 use crate::kind::{Heavy, Kind, Node};
 use crate::problems::{KeyProblems, problem};
@@ -28,6 +30,7 @@ pub(crate) struct Objects<D> {
     detector: D,
     ego_from_lidar: Transform<Ego, Lidar>,
     own_m: [f64; 3],
+    vehicle: VehicleParams,
 }
 
 /// A sweep, and past poses of the ego.
@@ -63,6 +66,7 @@ impl<D: NamedLidarDetector> Kind for Objects<D> {
             detector: D::with_params(table)?,
             ego_from_lidar: lidar.ego_from_lidar(shape),
             own_m: [rear_m, rear_m + shape.length_m, 0.5 * shape.width_m],
+            vehicle: config.sim.vehicle.clone(),
         })
     }
 }
@@ -77,7 +81,11 @@ impl<D: NamedLidarDetector> Operator for Objects<D> {
         let Some(measured) = before.or(poses.first()) else { return };
         let mut ego = **measured;
         ego.pose = measured.pose_after((cloud.stamp - measured.stamp).as_secs());
-        let Self { ego_from_lidar, own_m, .. } = *self;
+        let until: Vec<EgoState> =
+            poses.iter().map(|pose| **pose).filter(|pose| pose.stamp <= cloud.stamp).collect();
+        let pitch_rad = pitch_rad(&until, &self.vehicle);
+        let ego_from_body = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, pitch_rad, 0.0);
+        let (ego_from_lidar, own_m) = (ego_from_body * self.ego_from_lidar, self.own_m);
         let scan = Scan { cloud, ego_from_lidar, ego, own_m, route: input.route.get().map(|route| &**route) };
         let mut found = Detections::default();
         self.detector.detect(&scan, &mut found);
