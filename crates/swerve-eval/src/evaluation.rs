@@ -269,7 +269,7 @@ pub struct Evaluation {
     sights: Vec<Sight>,
     /// Recent states of the world, for a pipeline with a detector.
     recent: VecDeque<WorldState>,
-    /// Tracks, once there are lists of them.
+    /// Tracks of detected boxes; `None` for a pipeline without a detector.
     tracks: Option<TrackComparison>,
     response: ResponseTimes,
     behaviour: Behaviour,
@@ -326,7 +326,9 @@ impl Evaluation {
             self.traffic.take(world);
         }
         if self.tracks.is_some() {
-            self.recent.retain(|state| world.stamp - state.stamp <= RECENT);
+            while self.recent.front().is_some_and(|oldest| world.stamp - oldest.stamp > RECENT) {
+                self.recent.pop_front();
+            }
             self.recent.push_back(world.clone());
         }
         self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));

@@ -23,7 +23,7 @@ use swerve_geom::{Ego, Obb, Point2, Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 
 use crate::road::Road;
-use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
+use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, middle, quarter};
 use clusters::{Cluster, Clusters};
 use ground::{Ground, Method};
 use points::{Point, in_ego_frame};
@@ -98,6 +98,8 @@ pub struct LidarObjects {
     places: Vec<Point>,
     over_m: Vec<f32>,
     skyline: Skyline,
+    /// Rectangle of each cluster.
+    fits: Vec<Fit>,
     candidates: Vec<Candidate>,
     footprints: Vec<Obb<Ego>>,
 }
@@ -129,6 +131,7 @@ impl LidarObjects {
             places: Vec::new(),
             over_m: Vec::new(),
             skyline: Skyline::default(),
+            fits: Vec::new(),
             candidates: Vec::new(),
             footprints: Vec::new(),
         })
@@ -162,15 +165,13 @@ impl LidarObjects {
         let road = Road::new(scan.route, scan.ego.pose);
         let known = out.boxes.len();
         // Coarsest gaps first: wholes before their parts.
-        for &cluster in self.clusters.found.iter().rev() {
+        for (&cluster, fit) in self.clusters.found.iter().zip(&self.fits).rev() {
             let points = self.clusters.of(cluster);
             let lowest_m = points.iter().map(|point| point[3]).fold(f32::INFINITY, f32::min);
-            let [x, y, ..] = points[0].map(f64::from);
-            let Some((heading_rad, _)) = road.at(Point2::new(x, y)) else { continue };
             if lowest_m > UNKNOWN_LOWEST_M {
                 continue;
             }
-            let found = unknown(&fit(points, Some(heading_rad as f32)), cluster, points.len());
+            let found = unknown(fit, cluster, points.len());
             let is_on_road =
                 road.at(found.pose.point()).is_some_and(|(_, beyond_m)| beyond_m < -UNKNOWN_WITHIN_M);
             let Extent { length_m, width_m, .. } = found.extent;
@@ -201,11 +202,13 @@ impl LidarObjects {
         let sensor = [sensor.x as f32, sensor.y as f32];
         self.skyline.take(sensor, &self.places, &self.over_m);
         self.candidates.clear();
+        self.fits.clear();
         for &cluster in &self.clusters.found {
             let points = self.clusters.of(cluster);
             let [x, y, ..] = points[0].map(f64::from);
             let lane = road.at(Point2::new(x, y)).map(|(heading, beyond)| (heading as f32, beyond as f32));
             let fit = fit(points, lane.map(|(heading, _)| heading));
+            self.fits.push(fit);
             let hidden = self.skyline.hides(points);
             for (k, class) in CLASSES.iter().enumerate() {
                 if cluster.top_m < class.top_m[0] || cluster.top_m > class.top_m[1] {
@@ -258,9 +261,7 @@ const UNKNOWN_SIDE_M: f64 = 0.3;
 
 /// Box of a cluster of no class: its visible part.
 fn unknown(fit: &Fit, cluster: Cluster, points: usize) -> DetectedBox {
-    let [cos, sin] = fit.turn;
-    let [along, across] = fit.ends.map(|[low, high]| 0.5 * (low + high));
-    let middle = [along * cos - across * sin, along * sin + across * cos];
+    let middle = middle(fit.turn, fit.ends);
     let size_m = fit.ends.map(|[low, high]| high - low);
     let rectangle =
         Rectangle { middle, turn: fit.turn, heading_rad: fit.heading_rad, size_m, seen_m: size_m };

@@ -131,14 +131,17 @@ impl Tracker {
 
     /// Score of a confirmed track: the average score of its boxes, weighted towards recent ones.
     pub fn score(&self, id: ActorId) -> Option<f64> {
-        let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
-        Some(self.tracks[of].score).filter(|_| self.tracks[of].is_confirmed)
+        self.confirmed(id).map(|track| track.score)
     }
 
     /// Covariance of x, y and their velocities of a confirmed track in the map, in m and m/s.
     pub fn covariance(&self, id: ActorId) -> Option<Matrix4<f64>> {
+        self.confirmed(id).map(|track| track.filter.covariance())
+    }
+
+    fn confirmed(&self, id: ActorId) -> Option<&Followed> {
         let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
-        Some(self.tracks[of].filter.covariance()).filter(|_| self.tracks[of].is_confirmed)
+        Some(&self.tracks[of]).filter(|track| track.is_confirmed)
     }
 
     fn take_in(&mut self, found: &Detections, ego: Pose2<Map>) {
@@ -170,14 +173,22 @@ impl Tracker {
 
     /// Merges tracks of the same object. The older identity stays, with the state of the surer track.
     fn merge(&mut self, stamp: Time) {
-        let mut kept: Vec<Followed> = Vec::with_capacity(self.tracks.len());
+        let mut kept: Vec<(Obb, Followed)> = Vec::with_capacity(self.tracks.len());
         for track in self.tracks.drain(..) {
-            match kept.iter_mut().find(|older| older.is_same_as(&track, stamp, self.params.gate)) {
-                Some(older) => older.merge(track),
-                None => kept.push(track),
+            let outline = track.outline();
+            let is_one = |(other, older): &&mut (Obb, Followed)| {
+                other.overlaps(&outline)
+                    && older.is_same_as(&track, [other, &outline], stamp, self.params.gate)
+            };
+            match kept.iter_mut().find(is_one) {
+                Some((other, older)) => {
+                    older.merge(track);
+                    *other = older.outline();
+                }
+                None => kept.push((outline, track)),
             }
         }
-        self.tracks = kept;
+        self.tracks.extend(kept.into_iter().map(|(_, track)| track));
     }
 
     /// Pairs of tracks and boxes, each with a factor of the box's covariance. Unmatched tracks and boxes are tried again
@@ -188,17 +199,14 @@ impl Tracker {
         let sudden_mps = |track: &Followed| params.motion(track.kind).change_mps;
         let distance = |t: usize, b: usize| tracks[t].distance(0.0, &boxes[b]);
         let near = likeliest(tracks.len(), boxes.len(), params.gate, distance);
-        let mut pairs: Vec<(usize, usize, f64)> = near.into_iter().map(|(t, b)| (t, b, 1.0)).collect();
-        let is_left = |pairs: &[(usize, usize, f64)], k: usize, of: fn(&(usize, usize, f64)) -> usize| {
-            pairs.iter().all(|pair| of(pair) != k)
-        };
         let left_tracks: Vec<usize> =
-            (0..tracks.len()).filter(|t| is_left(&pairs, *t, |pair| pair.0)).collect();
+            (0..tracks.len()).filter(|t| near.iter().all(|(taken, _)| taken != t)).collect();
         let left_boxes: Vec<usize> =
-            (0..boxes.len()).filter(|b| is_left(&pairs, *b, |pair| pair.1)).collect();
-        for &(t, ..) in &pairs {
+            (0..boxes.len()).filter(|b| near.iter().all(|(_, taken)| taken != b)).collect();
+        for &(t, _) in &near {
             tracks[t].strayed = None;
         }
+        let mut pairs: Vec<(usize, usize, f64)> = near.into_iter().map(|(t, b)| (t, b, 1.0)).collect();
         let distance = |t: usize, b: usize| {
             let track = &tracks[left_tracks[t]];
             track.distance(sudden_mps(track), &boxes[left_boxes[b]])
@@ -226,10 +234,14 @@ fn likeliest(
     gate: f64,
     distance: impl Fn(usize, usize) -> Option<(f64, f64)>,
 ) -> Vec<(usize, usize)> {
-    let near = |t: usize, b: usize| distance(t, b).filter(|(square, _)| *square < gate);
-    let all = (0..tracks).flat_map(|t| (0..boxes).map(move |b| (t, b)));
-    let widest = all.filter_map(|(t, b)| near(t, b)).map(|(_, ln)| ln).fold(f64::NEG_INFINITY, f64::max);
-    assign(tracks, boxes, gate, |t, b| near(t, b).map_or(f64::INFINITY, |(square, ln)| square + ln - widest))
+    let mut widest = f64::NEG_INFINITY;
+    let mut costs = Vec::with_capacity(tracks * boxes);
+    for (t, b) in (0..tracks).flat_map(|t| (0..boxes).map(move |b| (t, b))) {
+        let near = distance(t, b).filter(|(square, _)| *square < gate);
+        widest = near.map_or(widest, |(_, ln)| widest.max(ln));
+        costs.push(near.map_or(f64::INFINITY, |(square, ln)| square + ln));
+    }
+    assign(tracks, boxes, gate, |t, b| costs[t * boxes + b] - widest)
 }
 
 /// Angle from a heading to the axis of another one, at most a quarter turn, radians: detectors confuse front and rear.
@@ -297,17 +309,13 @@ impl Followed {
         self.filter.squared_distance(change_mps, measured.at, measured.covariance)
     }
 
-    /// True if a newer track is one of the same object: two bodies do not share most of their ground, nor part of it
-    /// where their positions differ by no more than their errors. Two boxes that one sensor finds at the same instant are
-    /// two objects.
-    fn is_same_as(&self, newer: &Self, stamp: Time, gate: f64) -> bool {
-        let (a, b) = (self.outline(), newer.outline());
-        if !a.overlaps(&b) {
-            return false;
-        }
+    /// True if a newer track with an overlapping outline is one of the same object: two bodies do not share most of their
+    /// ground, nor part of it where their positions differ by no more than their errors. Two boxes that one sensor finds
+    /// at the same instant are two objects.
+    fn is_same_as(&self, newer: &Self, [a, b]: [&Obb; 2], stamp: Time, gate: f64) -> bool {
         let are_two = [self, newer].iter().all(|track| track.last_seen == stamp)
             && self.is_in_image == newer.is_in_image;
-        let share = shared_area_m2(&a, &b) / a.area_m2().min(b.area_m2());
+        let share = shared_area_m2(a, b) / a.area_m2().min(b.area_m2());
         let is_near = || self.filter.apart(&newer.filter).is_some_and(|square| square < gate);
         match (Group::of(self.kind), Group::of(newer.kind)) {
             _ if are_two => false,

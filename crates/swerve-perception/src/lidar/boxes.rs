@@ -189,18 +189,23 @@ pub(super) fn complete(
         let beyond = missing * 0.5 * (1.0 + share);
         ends[axis] = [low - (missing - beyond), high + beyond];
     }
-    let [along, across] = ends.map(|[low, high]| 0.5 * (low + high));
-    let middle = [along * cos - across * sin, along * sin + across * cos];
+    let middle = middle(fit.turn, ends);
     let (heading_rad, turn) =
         if is_across { (fit.heading_rad + FRAC_PI_2, [-sin, cos]) } else { (fit.heading_rad, [cos, sin]) };
     Some(Rectangle { middle, turn, heading_rad, size_m, seen_m })
 }
 
+/// Middle of a rectangle with these limits along its axes; `turn` is the cosine and sine of its heading.
+pub(super) fn middle([cos, sin]: [f32; 2], ends: [[f32; 2]; 2]) -> [f32; 2] {
+    let [along, across] = ends.map(|[low, high]| 0.5 * (low + high));
+    [along * cos - across * sin, along * sin + across * cos]
+}
+
 /// Hidden end of an axis of a fit: 1 for the high end, -1 for the low end; `None` if no side along it is in view, or if
 /// both or none of the ends are hidden.
 fn hidden_end(fit: &Fit, axis: usize, sensor: [f32; 2], [left, right]: [bool; 2]) -> Option<f32> {
-    let ([cos, sin], [along, across]) = (fit.turn, fit.ends.map(|[low, high]| 0.5 * (low + high)));
-    let [dx, dy] = [along * cos - across * sin - sensor[0], along * sin + across * cos - sensor[1]];
+    let ([cos, sin], [x, y]) = (fit.turn, middle(fit.turn, fit.ends));
+    let [dx, dy] = [x - sensor[0], y - sensor[1]];
     // The axis against the direction to the left of the line of sight.
     let [x, y] = if axis == 0 { [cos, sin] } else { [-sin, cos] };
     let leftward = (y * dx - x * dy) / libm::hypotf(dx, dy).max(f32::MIN_POSITIVE);
