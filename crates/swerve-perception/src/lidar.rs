@@ -176,9 +176,14 @@ impl LidarObjects {
                 road.at(found.pose.point()).is_some_and(|(_, beyond_m)| beyond_m < -UNKNOWN_WITHIN_M);
             let Extent { length_m, width_m, .. } = found.extent;
             let footprint = Obb::new(found.pose, length_m, width_m);
-            let is_near = |k: usize, other: &Obb<Ego>| {
-                other.grown(if k < known { UNKNOWN_APART_M } else { 0.0 }).overlaps(&footprint)
+            // Within the errors of a box of a class, a cluster is a part of its object.
+            let margin_m = |k: usize| {
+                let known = out.boxes[..known].get(k)?;
+                let [xx, _, yy] = known.covariance_m2?;
+                Some(UNKNOWN_APART_M + xx.max(yy).max(0.0).sqrt())
             };
+            let is_near =
+                |k: usize, other: &Obb<Ego>| other.grown(margin_m(k).unwrap_or(0.0)).overlaps(&footprint);
             if is_on_road
                 && found.score >= self.params.score_min
                 && !self.footprints.iter().enumerate().any(|(k, other)| is_near(k, other))

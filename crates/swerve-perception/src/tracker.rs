@@ -16,7 +16,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix2, Matrix4, Vector2 as Column2};
 use swerve_core::{ParamError, Span, Time};
-use swerve_geom::{Ego, Map, Obb, Pose2, Vector2, angle_between, math, shared_area_m2};
+use swerve_geom::{Ego, Map, Obb, Point2, Pose2, Vector2, angle_between, math, shared_area_m2};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
 use crate::assignment::assign;
@@ -96,6 +96,7 @@ struct Measured<'a> {
     heading_rad: f64,
     /// Unit vector from the ego to it.
     sight: Column2<f64>,
+    ego: Column2<f64>,
 }
 
 impl Tracker {
@@ -221,7 +222,10 @@ impl Tracker {
 
     fn list(&self) -> TrackList {
         let confirmed = self.tracks.iter().filter(|track| track.is_confirmed);
-        TrackList { stamp: self.newest.unwrap_or_default(), tracks: confirmed.map(Followed::track).collect() }
+        TrackList {
+            stamp: self.newest.unwrap_or_default(),
+            tracks: confirmed.map(|track| track.told(self.params.velocity_doubt)).collect(),
+        }
     }
 }
 
@@ -274,7 +278,22 @@ impl<'a> Measured<'a> {
             covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
             heading_rad: found.pose.heading_rad + ego.heading_rad,
             sight: Column2::new(cos, sin),
+            ego: Column2::new(ego.x_m, ego.y_m),
         }
+    }
+
+    /// Shift of the centre of a vehicle when its size changes while its faces towards the ego stay: detectors measure
+    /// these, and suppose the rest by class.
+    fn shift(&self, from: Extent, to: Extent) -> Column2<f64> {
+        let (sin, cos) = math::sin_cos(self.heading_rad);
+        let ego = self.ego - self.at;
+        let side = |axis: Column2<f64>, from_m: f64, to_m: f64| {
+            let along_m = ego.dot(&axis);
+            let is_in_view = along_m.abs() > 0.5 * from_m.max(to_m);
+            axis * if is_in_view { along_m.signum() * 0.5 * (from_m - to_m) } else { 0.0 }
+        };
+        side(Column2::new(cos, sin), from.length_m, to.length_m)
+            + side(Column2::new(-sin, cos), from.width_m, to.width_m)
     }
 }
 
@@ -306,7 +325,15 @@ impl Followed {
         if Group::of(self.kind) != Group::of(measured.found.kind) {
             return None;
         }
-        self.filter.squared_distance(change_mps, measured.at, measured.covariance)
+        self.filter.squared_distance(change_mps, self.centre(measured), measured.covariance)
+    }
+
+    /// Centre of a body of the track's size at the place of a box.
+    fn centre(&self, measured: &Measured<'_>) -> Column2<f64> {
+        match Group::of(self.kind) {
+            Group::Vehicle => measured.at + measured.shift(measured.found.extent, self.extent),
+            Group::Person | Group::Fixed => measured.at,
+        }
     }
 
     /// True if a newer track with an overlapping outline is one of the same object: two bodies do not share most of their
@@ -354,7 +381,7 @@ impl Followed {
             return 1.0;
         }
         let square = self.distance(0.0, measured).map_or(0.0, |(square, _)| square);
-        let (before, at, covariance) = (self.filter.clone(), measured.at, measured.covariance);
+        let (before, at, covariance) = (self.filter.clone(), self.centre(measured), measured.covariance);
         self.strayed = Some(Box::new(Stray { before, at, covariance }));
         (square / DIMENSIONS).max(1.0)
     }
@@ -362,7 +389,7 @@ impl Followed {
     /// Takes a box whose covariance is multiplied by `noise`.
     fn meet(&mut self, measured: &Measured<'_>, noise: f64, stamp: Time, params: &Params) {
         let found = measured.found;
-        self.filter.update(measured.at, measured.covariance * noise, params.sightings_max);
+        self.filter.update(self.centre(measured), measured.covariance * noise, params.sightings_max);
         self.take_speed(measured, params);
         self.is_in_image = found.image_px.is_some();
         if found.score > self.kind_score {
@@ -374,11 +401,20 @@ impl Followed {
         self.heading_rad += gain * axis_between(self.heading_rad, measured.heading_rad);
         let mix = |old: f64, new: f64| old + gain * (new - old);
         self.score = mix(self.score, found.score);
-        self.extent = Extent {
+        let extent = Extent {
             length_m: mix(self.extent.length_m, found.extent.length_m),
             width_m: mix(self.extent.width_m, found.extent.width_m),
             height_m: mix(self.extent.height_m, found.extent.height_m),
         };
+        if Group::of(self.kind) == Group::Vehicle {
+            let by = measured.shift(self.extent, extent);
+            self.filter.shift(by);
+            if let Some(strayed) = &mut self.strayed {
+                strayed.before.shift(by);
+                strayed.at += by;
+            }
+        }
+        self.extent = extent;
         self.last_seen = stamp;
         self.is_confirmed |= self.hits >= params.hits_min;
     }
@@ -390,15 +426,22 @@ impl Followed {
         }
     }
 
-    fn track(&self) -> Track {
+    /// The track as reported. What doubt takes from the velocity, it takes from the history too.
+    fn told(&self, doubt: f64) -> Track {
         let (x_m, y_m, velocity_mps) = self.filter.state();
-        let sighting = |(at, point)| Sighting { at, point };
+        let velocity_mps = Vector2::new(velocity_mps[0], velocity_mps[1]);
+        let sure_mps = self.filter.sure_mps(doubt);
+        let sure_mps = Vector2::new(sure_mps.x, sure_mps.y);
+        let doubtful_mps = velocity_mps - sure_mps;
+        let now = self.filter.at();
+        let sighting =
+            |(at, point): (Time, Point2)| Sighting { at, point: point + doubtful_mps * (now - at).as_secs() };
         Track {
             id: self.id,
             kind: self.kind,
             pose: Pose2::new(x_m, y_m, self.heading_rad),
             extent: self.extent,
-            velocity_mps: Vector2::new(velocity_mps[0], velocity_mps[1]),
+            velocity_mps: sure_mps,
             history: self.filter.smoothed().into_iter().map(sighting).collect(),
         }
     }

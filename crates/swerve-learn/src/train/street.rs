@@ -2,7 +2,8 @@
 //!
 //! A street is a straight, optionally a bend, and a straight again, with pavements. Pedestrians walk and stand on both
 //! sides and two cross. On some streets cars are parked; others come towards the ego or drive ahead of it, with trucks
-//! and cyclists among them.
+//! and cyclists among them. Streets from number 1000 on also have traffic across: cars broadside, standing in exits and
+//! crossing, and adults, children and cyclists that cross in full stride close to the ego.
 
 use core::f64::consts::PI;
 use core::fmt::Write as _;
@@ -11,6 +12,8 @@ use swerve_core::Rng;
 
 /// End of the ego's drive, metres.
 const END_M: f64 = 130.0;
+/// First street with traffic across.
+const ACROSS: u32 = 1000;
 
 /// Scenario text; all numbers are drawn from the street's own number.
 pub(super) fn street(number: u32) -> String {
@@ -29,6 +32,9 @@ pub(super) fn street(number: u32) -> String {
     street.people(left_m);
     street.parked(left_m);
     street.traffic();
+    if number >= ACROSS {
+        street.across(left_m);
+    }
     street.text
 }
 
@@ -146,13 +152,71 @@ impl Street {
     }
 }
 
+impl Street {
+    /// Adds traffic across the road: one car or runner every 8 to 14 metres.
+    fn across(&mut self, left_m: f64) {
+        let mut s = self.rng.uniform(18.0, 26.0);
+        while s < END_M + 25.0 {
+            let right = self.chance(0.5);
+            // Outer edge of the places of people on the pavement, and the direction away from the road.
+            let (edge_m, outwards) = if right { (-4.3, -1.0) } else { (left_m + 2.3, 1.0) };
+            let across_rad = -outwards * 0.5 * PI;
+            let heading_rad = across_rad + self.rng.uniform(-0.3, 0.3);
+            let within_m = self.rng.uniform(10.0, 26.0);
+            let behind_m = |rng: &mut Rng, from_m, to_m| edge_m + outwards * rng.uniform(from_m, to_m);
+            match self.rng.below(4) {
+                0 => {
+                    let (d, size) = (behind_m(&mut self.rng, 3.2, 5.0), self.car());
+                    let distance_m = self.rng.uniform(0.5, 5.0);
+                    self.crossing("car", [s, d], (heading_rad, 60.0, 2.5, distance_m), size);
+                }
+                1 => {
+                    let (d, size) = (behind_m(&mut self.rng, 3.2, 6.0), self.car());
+                    let speed_mps = self.rng.uniform(5.0, 9.0);
+                    self.crossing("car", [s, d], (across_rad, 14.0 + within_m, speed_mps, 30.0), size);
+                }
+                2 => {
+                    let d = behind_m(&mut self.rng, 0.4, 1.0);
+                    let (height_m, speed_mps) = (self.rng.uniform(1.1, 1.9), self.rng.uniform(1.6, 3.2));
+                    let size = format!("size = {{ radius_m = 0.22, height_m = {height_m:.2} }}");
+                    self.crossing("pedestrian", [s, d], (heading_rad, within_m, speed_mps, 25.0), &size);
+                }
+                _ => {
+                    let (d, speed_mps) = (behind_m(&mut self.rng, 1.2, 1.8), self.rng.uniform(2.5, 4.5));
+                    self.crossing("cyclist", [s, d], (heading_rad, within_m, speed_mps, 25.0), "");
+                }
+            }
+            s += self.rng.uniform(8.0, 14.0);
+        }
+    }
+
+    /// Adds an actor that moves straight ahead, with a speed over a distance, once the ego is within a distance.
+    fn crossing(
+        &mut self,
+        kind: &str,
+        at_m: [f64; 2],
+        (heading_rad, within_m, speed_mps, distance_m): (f64, f64, f64, f64),
+        size: &str,
+    ) {
+        let drive = format!("along = \"heading\", speed_mps = {speed_mps:.1}, distance_m = {distance_m:.1}");
+        let trigger = format!("trigger = {{ distance = {{ within_m = {within_m:.1} }} }}");
+        self.actor(
+            kind,
+            at_m,
+            heading_rad,
+            &format!("{size}\n{trigger}\nmotion = [{{ drive = {{ {drive} }} }}]"),
+        );
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn streets_are_valid_and_distinct_scenarios() {
-        let texts: Vec<String> = (0..40).chain(100..106).chain(900..912).map(street).collect();
+        let texts: Vec<String> =
+            (0..40).chain(100..106).chain(900..912).chain(1000..1030).chain(1900..1915).map(street).collect();
         for (k, text) in texts.iter().enumerate() {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("street.toml");

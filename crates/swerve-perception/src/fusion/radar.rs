@@ -30,6 +30,12 @@ struct Echo {
 /// Standard deviation of half an object's size, as a share of it.
 const SIZE_SHARE: f64 = 0.3;
 
+/// Usual length and width of a car, metres.
+const CAR_M: [f64; 2] = [4.4, 1.8];
+
+/// Difference of radial speeds up to which echoes may come from one object, m/s.
+const ALIKE_MPS: f64 = 1.0;
+
 /// Radial speed above which an object moves, m/s: several standard deviations of an echo's.
 const MOVES_MPS: f64 = 1.5;
 
@@ -37,7 +43,7 @@ const MOVES_MPS: f64 = 1.5;
 const DEVIATIONS: f64 = 3.0;
 
 impl Echoes<'_> {
-    /// Assigns each object the speed of its strongest echo, and objects with a guessed distance that echo's distance.
+    /// Assigns each object the speed of its strongest echo, and objects with a guessed distance that of their echoes.
     /// An echo belongs to the nearest object whose gate contains it; objects with a measured distance take precedence,
     /// since the gate of a guessed distance also contains the echoes of its neighbours.
     pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params) {
@@ -45,7 +51,7 @@ impl Echoes<'_> {
             return;
         }
         let (radar, _) = moved((self.ego_from_radar, Spread::along(0.0, 0.0, 0.0)), self.ego.pose, ego);
-        let mut strongest: Vec<Option<Echo>> = objects.iter().map(|_| None).collect();
+        let mut own: Vec<Vec<Echo>> = objects.iter().map(|_| Vec::new()).collect();
         for echo in self.echoes(radar) {
             let near = objects
                 .iter()
@@ -53,14 +59,14 @@ impl Echoes<'_> {
                 .filter_map(|(k, object)| Some((k, echo.off(object, radar, params)?)));
             let rank = |k: usize| objects[k].is_guessed;
             let best = near.min_by(|a, b| rank(a.0).cmp(&rank(b.0)).then(a.1.total_cmp(&b.1)));
-            let Some((k, _)) = best else { continue };
-            if strongest[k].as_ref().is_none_or(|known| echo.snr_db > known.snr_db) {
-                strongest[k] = Some(echo);
+            if let Some((k, _)) = best {
+                own[k].push(echo);
             }
         }
-        for (object, echo) in objects.iter_mut().zip(strongest) {
-            if let Some(echo) = echo {
-                echo.tell(object, radar, params);
+        for (object, echoes) in objects.iter_mut().zip(own) {
+            let strongest = echoes.iter().max_by(|a, b| a.snr_db.total_cmp(&b.snr_db));
+            if let Some(strongest) = strongest {
+                strongest.tell(object, &echoes, radar, params);
             }
         }
     }
@@ -97,27 +103,44 @@ impl Echo {
         (by_range <= 1.0 && by_bearing <= 1.0).then(|| math::hypot(by_range, by_bearing))
     }
 
-    fn tell(&self, object: &mut Object, radar: Pose2<Ego>, params: &Params) {
+    /// Gives the object its speed and, if its distance is a guess, the distance of the nearest of the echoes within its
+    /// length that move alike: the strongest may come from its far end.
+    fn tell(&self, object: &mut Object, own: &[Self], radar: Pose2<Ego>, params: &Params) {
         object.found.radial_speed_mps = Some(self.speed_mps);
-        // An object of no class that moves is no static one.
-        if object.found.kind == ActorKind::Static && self.speed_mps.abs() > MOVES_MPS {
-            object.found.kind = ActorKind::Car;
-        }
         let (bearing_rad, _) = polar(object.found.pose.point() - radar.point());
+        let Pose2 { heading_rad, .. } = object.found.pose;
+        // An object of no class that moves is no static one, but a vehicle of which this is the visible part.
+        if object.found.kind == ActorKind::Static && self.speed_mps.abs() > MOVES_MPS {
+            let seen_m = half_along_m(object.found.extent, heading_rad - bearing_rad);
+            object.found.kind = ActorKind::Car;
+            object.found.extent.length_m = object.found.extent.length_m.max(CAR_M[0]);
+            object.found.extent.width_m = object.found.extent.width_m.max(CAR_M[1]);
+            let hidden_m = half_along_m(object.found.extent, heading_rad - bearing_rad) - seen_m;
+            let at: Point2<Ego> = object.found.pose.point() + Vector2::from_heading(bearing_rad) * hidden_m;
+            object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
+            object.spread = object.spread.grown(SIZE_SHARE * hidden_m);
+        }
         if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
             return;
         }
         // The bearing stays the camera's. The echo comes from the side that faces the radar; the extent of the body
         // behind it is as uncertain as the size.
-        let Pose2 { heading_rad, .. } = object.found.pose;
-        let (sin, cos) = math::sin_cos(heading_rad - bearing_rad);
-        let Extent { length_m, width_m, .. } = object.found.extent;
-        let half_m = 0.5 * (length_m * cos.abs()).max(width_m * sin.abs());
-        let range_m = self.range_m + half_m;
+        let half_m = half_along_m(object.found.extent, heading_rad - bearing_rad);
+        let is_own = |echo: &&Self| {
+            (echo.speed_mps - self.speed_mps).abs() < ALIKE_MPS
+                && self.range_m - echo.range_m < 2.0 * half_m + params.radar_noise_m
+        };
+        let nearest_m = own.iter().filter(is_own).map(|echo| echo.range_m).fold(self.range_m, f64::min);
         let across_m = object.spread.deviation_m(bearing_rad + core::f64::consts::FRAC_PI_2);
-        let way = Vector2::from_heading(bearing_rad) * range_m;
+        let way = Vector2::from_heading(bearing_rad) * (nearest_m + half_m);
         let at: Point2<Ego> = radar.point() + way;
         object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
         object.spread = Spread::along(bearing_rad, params.radar_noise_m + SIZE_SHARE * half_m, across_m);
     }
+}
+
+/// Half of the larger projection of an outline's sides on a line of sight at this angle from its heading, metres.
+fn half_along_m(extent: Extent, off_rad: f64) -> f64 {
+    let (sin, cos) = math::sin_cos(off_rad);
+    0.5 * (extent.length_m * cos.abs()).max(extent.width_m * sin.abs())
 }

@@ -216,9 +216,13 @@ fn static_object_that_moves_is_a_vehicle() {
             RadarScan { stamp: Time::ZERO, detections: vec![echo([40.0, 3.0], [speed_mps, 0.0], 20.0)] };
         let sources =
             Sources { lidar: Some(by_lidar(&lidar)), radar: Some(echoes(&scan)), ..Sources::default() };
-        fused(&sources)[0].kind
+        let found = fused(&sources)[0];
+        (found.kind, found.extent.length_m)
     };
-    assert_eq!([-5.0, 0.5].map(kind), [ActorKind::Car, ActorKind::Static]);
+    assert_eq!(
+        [-5.0, 0.5].map(kind),
+        [(ActorKind::Car, 4.4), (ActorKind::Static, lidar.boxes[0].extent.length_m)]
+    );
 }
 
 #[test]
@@ -232,6 +236,23 @@ fn fusion_takes_the_distance_from_the_radar_instead_of_the_ground_plane() {
     assert!(only.radial_speed_mps.unwrap().abs() < 1e-9, "it stands: {only:?}");
     let [xx, _, _] = only.covariance_m2.unwrap();
     assert!((0.5..1.2).contains(&xx.sqrt()), "{xx}");
+}
+
+#[test]
+fn fusion_takes_the_distance_from_the_near_end_of_an_object() {
+    let camera = list(0, vec![seen(ActorKind::Car, [45.0, 4.0], [52.0, 4.7], 0.8)]);
+    let near = echo([42.8, 4.0], [0.0, 0.0], 15.0);
+    let at_m = |others: Vec<RadarDetection>| {
+        let detections = [vec![near], others].concat();
+        let scan = RadarScan { stamp: Time::ZERO, detections };
+        let sources =
+            Sources { camera: Some(by_camera(&camera)), radar: Some(echoes(&scan)), ..Sources::default() };
+        fused(&sources)[0].pose.x_m
+    };
+    let alone_m = at_m(vec![]);
+    assert_eq!(at_m(vec![echo([46.8, 4.0], [0.0, 0.0], 25.0)]), alone_m, "the rear end is stronger");
+    let behind_m = at_m(vec![echo([49.0, 4.3], [0.0, 0.0], 25.0)]);
+    assert!(behind_m > alone_m + 4.0, "the near echo is of something else: {behind_m} {alone_m}");
 }
 
 #[test]

@@ -148,6 +148,16 @@ fn objects_of_no_class_are_static_if_they_are_on_the_road() {
 }
 
 #[test]
+fn part_of_a_vehicle_is_no_object_of_its_own() {
+    // A bumper a metre in front of the cab, whose far end is hidden.
+    let cloud = turn_over(&[[30.9, 0.0, 1.3, 5.0, 2.4, 2.4], [27.2, 0.0, 0.4, 0.3, 2.3, 0.6]], 0.0, 0.0);
+    let route = straight_route();
+    let found = detect(&mut objects(Params::default()), &Scan { route: Some(&route), ..scan(&cloud) });
+    assert!(found.boxes.iter().any(|b| b.kind == ActorKind::Truck), "{found:?}");
+    assert!(found.boxes.iter().all(|b| b.kind != ActorKind::Static), "{found:?}");
+}
+
+#[test]
 fn boxes_are_aligned_with_a_known_route() {
     let cloud = turn(0.0, 0.0);
     let route = straight_route();

@@ -161,10 +161,41 @@ impl Filter {
         Some((off.transpose() * (h * (a.covariance + b.covariance) * h.transpose()).try_inverse()? * off)[0])
     }
 
+    /// Moves the reference point of the body: shifts the current and all stored positions.
+    pub(super) fn shift(&mut self, by: Vector2<f64>) {
+        let by = Vector4::new(by.x, by.y, 0.0, 0.0);
+        for step in &mut self.steps {
+            step.predicted.mean += by;
+            step.filtered.mean += by;
+        }
+    }
+
     /// Current position and velocity.
     pub(super) fn state(&self) -> (f64, f64, [f64; 2]) {
         let mean = self.last().filtered.mean;
         (mean[0], mean[1], [mean[2], mean[3]])
+    }
+
+    /// Current velocity, each component along an axis of its covariance reduced to what exceeds its error: by the
+    /// non-negative garrote (Breiman 1995) with `doubt` standard deviations.
+    pub(super) fn sure_mps(&self, doubt: f64) -> Vector2<f64> {
+        let Gauss { mean, covariance } = self.last().filtered;
+        let velocity = mean.fixed_rows::<2>(2).into_owned();
+        if doubt <= 0.0 {
+            return velocity;
+        }
+        let axes = covariance.fixed_view::<2, 2>(2, 2).into_owned().symmetric_eigen();
+        let parts = axes.eigenvectors.transpose() * velocity;
+        let reduced = parts.zip_map(&axes.eigenvalues, |part, variance| {
+            let square = part * part;
+            part * (1.0 - doubt * doubt * variance / square.max(f64::MIN_POSITIVE)).max(0.0)
+        });
+        axes.eigenvectors * reduced
+    }
+
+    /// Current instant.
+    pub(super) fn at(&self) -> Time {
+        self.last().at
     }
 
     /// Covariance of the current position and velocity.

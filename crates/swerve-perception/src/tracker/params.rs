@@ -66,6 +66,10 @@ pub struct Params {
     /// Standard deviation of a radial speed measured by a radar, m/s; 0: such speeds are ignored.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub radial_noise_mps: f64,
+    /// Number of standard deviations by which reported velocities are reduced: a component `v` with the standard deviation
+    /// `s` is reported as `v max(0, 1 - (n s / v)²)` (the non-negative garrote; Breiman 1995). 0: none.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub velocity_doubt: f64,
     /// Motion model of pedestrians and cyclists.
     #[ranges(nested)]
     pub person: Motion,
@@ -92,6 +96,7 @@ impl Default for Params {
             bearing_noise_rad: 0.002,
             floor_noise_m: 0.02,
             radial_noise_mps: 0.5,
+            velocity_doubt: 0.0,
             person: Motion { speed_mps: 2.0, accel_density: 2.0, change_mps: 3.0 },
             vehicle: Motion { speed_mps: 8.0, accel_density: 4.0, change_mps: 3.0 },
             fixed: Motion { speed_mps: 0.05, accel_density: 1e-4, change_mps: 0.05 },

@@ -304,6 +304,46 @@ fn tracks_of_one_object_are_merged() {
     assert!((track.pose.x_m - 20.0).abs() < 0.1 && track.velocity_mps.norm() < 0.5, "{track:?}");
 }
 
+/// Boxes of a standing truck beside the ego are at times those of a car, whose unseen side is nearer.
+#[test]
+fn vehicle_whose_class_changes_keeps_its_near_side() {
+    let covariance_m2 = Some([0.01, 0.0, 0.01]);
+    let of = |kind, extent: Extent| {
+        let y_m = 2.0 + 0.5 * extent.width_m;
+        DetectedBox { extent, covariance_m2, ..found(kind, 0.0, y_m) }
+    };
+    let truck = of(ActorKind::Truck, Extent { length_m: 6.0, width_m: 2.6, height_m: 2.8 });
+    let mut tracker = tracker(Params::default());
+    for k in 0..40_i64 {
+        let found = if k % 7 == 6 { of(ActorKind::Car, CAR) } else { truck };
+        let tracks = tracker.update(&frame(50 * k, vec![found]), origin()).tracks;
+        let Some(track) = tracks.first() else { continue };
+        let near_m = track.pose.y_m - 0.5 * track.extent.width_m;
+        assert!((near_m - 2.0).abs() < 0.01 && track.velocity_mps.norm() < 0.01, "{k}: {track:?}");
+    }
+}
+
+#[test]
+fn doubt_removes_the_velocity_that_is_within_its_error() {
+    let reported = |velocity_doubt: f64, sigma_m: f64| {
+        let mut tracker = tracker(Params { velocity_doubt, ..Params::default() });
+        let list = (0..4_i64).map(|k| {
+            let covariance_m2 = Some([sigma_m * sigma_m, 0.0, sigma_m * sigma_m]);
+            let person = found(ActorKind::Pedestrian, 10.0, 0.08 * k as f64);
+            tracker.update(&frame(50 * k, vec![DetectedBox { covariance_m2, ..person }]), origin())
+        });
+        list.last().unwrap().tracks[0].clone()
+    };
+    let [sure, doubted] = [0.0, 1.0].map(|doubt| reported(doubt, 0.03));
+    assert!(sure.velocity_mps.y > 1.2 && doubted.velocity_mps.y > 0.85 * sure.velocity_mps.y, "{doubted:?}");
+    assert_eq!(sure.pose, doubted.pose);
+    let [sure, doubted] = [0.0, 1.0].map(|doubt| reported(doubt, 1.0));
+    assert!(sure.velocity_mps.y > 0.03 && doubted.velocity_mps == Vector2::default(), "{sure:?} {doubted:?}");
+    // The line through the history has the reported velocity.
+    let [first, last] = [&doubted.history[0], &doubted.history[3]];
+    assert!(last.point.distance(first.point) < 0.2 * sure.history[3].point.distance(sure.history[0].point));
+}
+
 #[test]
 fn two_boxes_of_one_sensor_are_two_tracks() {
     let beside = |y_m| DetectedBox { extent: CAR, ..found(ActorKind::Car, 20.0, y_m) };
