@@ -51,9 +51,10 @@ pub(crate) struct LookArgs {
     /// Height of the camera above the ground, m
     #[arg(long, value_name = "M", default_value_t = 1.35, allow_negative_numbers = true, value_parser = height)]
     height: f64,
-    /// Pitch of the camera of --lanes, degrees, positive downwards
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = pitch)]
-    pitch: f64,
+    /// Pitch of the camera of --lanes, degrees, positive downwards; a road within 2.6 degrees of it is found [default: not
+    /// known, within 6 degrees of level]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = pitch)]
+    pitch: Option<f64>,
     /// Calibration for --lanes in place of --fov, as in OpenCV: fx,fy,cx,cy and optionally the lens, k1,k2,p1,p2,k3
     #[arg(
         long,

@@ -26,8 +26,6 @@ pub(super) struct Fitted {
     pub(super) road: Road,
     /// Covariance of pitch, heading, curvature and both offsets.
     covariance: Matrix5<f64>,
-    /// Number of marks on its lines; marks near the gate count less.
-    pub(super) support: f64,
 }
 
 /// Number of marks above which they are subsampled.
@@ -51,8 +49,9 @@ const GAP_M: f64 = 14.0;
 /// Start of a line: this many marks within this length, metres.
 const TOGETHER: usize = 4;
 const TOGETHER_M: f64 = 1.0;
-/// Smallest ratio of mark density on a line to that beside it.
-const DENSER: f64 = 2.5;
+/// Smallest ratio of mark density on a line to that beside it. On 14 photographs the ratio is 4.8 or more on painted
+/// lines; on unmarked roads and slabs it is mostly below 4.
+const DENSER: f64 = 4.0;
 /// Lateral distance range that counts as beside a line, metres.
 const BESIDE_M: [f64; 2] = [0.3, 0.75];
 
@@ -82,7 +81,7 @@ impl Fit {
 
     /// Fits the road to the marks, starting from a guess.
     pub(super) fn refine(&self, guess: Road, marks: &[Mark], focal_px: f64) -> Fitted {
-        let mut fitted = Fitted { road: guess, covariance: Matrix5::zeros(), support: 0.0 };
+        let mut fitted = Fitted { road: guess, covariance: Matrix5::zeros() };
         for round in 0..ROUNDS {
             let share = (round as f64 / (ROUNDS as f64 - 3.0)).min(1.0);
             let gate_m = GATE_M[0] + (GATE_M[1] - GATE_M[0]) * share;
@@ -98,7 +97,6 @@ impl Fit {
             }
             let spread = equations.squares / equations.weights.max(1.0);
             fitted.covariance = inverse * (ALIKE * spread.max(1.0));
-            fitted.support = equations.weights;
         }
         fitted
     }
@@ -173,10 +171,18 @@ impl Fit {
         Lanes { left, right, pitch_rad }
     }
 
+    /// Number of marks on each line of the road in excess of those expected by chance; zero without a line.
+    pub(super) fn evidence(&mut self, road: &Road, marks: &[Mark]) -> [f64; 2] {
+        road.offsets_m.map(|offset| {
+            let seen = offset.and_then(|offset_m| self.seen(road, offset_m, marks));
+            seen.map_or(0.0, |(_, excess)| excess)
+        })
+    }
+
     fn line(&mut self, fitted: &Fitted, line: usize, marks: &[Mark]) -> Option<LaneLine> {
         let road = &fitted.road;
         let offset_m = road.offsets_m[line]?;
-        let seen_m = self.seen(road, offset_m, marks)?;
+        let (seen_m, _) = self.seen(road, offset_m, marks)?;
         // From the camera's position to the ego's origin.
         let [ahead_m, aside_m, _] = self.camera_m;
         let (heading, bend) = (road.heading_rad, 0.5 * road.curvature_1pm);
@@ -197,8 +203,9 @@ impl Fit {
         })
     }
 
-    /// Observed range of a line, metres ahead of the camera; `None` if the marks do not form a line.
-    fn seen(&mut self, road: &Road, offset_m: f64, marks: &[Mark]) -> Option<[f64; 2]> {
+    /// Observed range of a line, metres ahead of the camera, and the number of its marks in excess of those expected by
+    /// chance; `None` if the marks do not form a line.
+    fn seen(&mut self, road: &Road, offset_m: f64, marks: &[Mark]) -> Option<([f64; 2], f64)> {
         let turn: [f64; 2] = math::sin_cos(road.pitch_rad).into();
         let mut beside = 0;
         self.on_line.clear();
@@ -220,6 +227,6 @@ impl Fit {
         let last = self.on_line[whole - 1];
         let expected = f64::from(beside) * GATE_M[1] / (BESIDE_M[1] - BESIDE_M[0]);
         let is_line = whole >= MARKS && last - first >= LENGTH_M && whole as f64 >= DENSER * expected;
-        is_line.then_some([first, last])
+        is_line.then_some(([first, last], whole as f64 - expected))
     }
 }
