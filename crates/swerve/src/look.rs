@@ -30,7 +30,7 @@ pub(crate) struct LookArgs {
     /// Label all pixels with the built-in weights of this name or with a file of weights [default: street]
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "street", requires = "fov")]
     segmentation: Option<String>,
-    /// Find stop signs and speed limits, and read the limits
+    /// Find stop signs, no-entry signs and speed limits, and read the limits
     #[arg(long)]
     signs: bool,
     /// Compute the disparity of each pixel of the left image of a rectified pair
@@ -42,7 +42,7 @@ pub(crate) struct LookArgs {
     /// Detector rung, from fast to good [default: the last that the camera allows]
     #[arg(long, requires = "detector")]
     rung: Option<String>,
-    /// Minimum probability of the reported objects
+    /// Minimum probability of the reported objects, and of a head in the crops of --traffic-light
     #[arg(long, value_name = "0..1", default_value_t = 0.5, allow_negative_numbers = true, value_parser = least)]
     least: f64,
     /// Horizontal field of view, degrees; objects and lines are placed on flat ground
