@@ -1,10 +1,11 @@
-//! Detection of traffic signs by colour and shape: stop signs and speed limits (Vienna Convention: a red octagon, and a
-//! red ring around a number).
+//! Detection of traffic signs by colour and shape: stop signs, no-entry signs and speed limits (Vienna Convention: a red
+//! octagon with a word, a red disc with a white bar, and a red ring around a number).
 //!
 //! No training is needed. A connected red region is a sign if its outline fills its box as much as an octagon or a circle
-//! does; its content determines the type. A number is recognised by correlating the dark pixels inside the ring with
-//! drawings of all numbers.
+//! does and its content is that of a type. A number is recognised by correlating the dark pixels inside the ring with
+//! drawings of all numbers; a word and a bar by the position of their white.
 
+mod field;
 mod number;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,8 @@ use number::Reader;
 pub enum Meaning {
     /// Stop sign.
     Stop,
+    /// No entry.
+    NoEntry,
     /// Speed limit, km/h.
     SpeedLimit(u8),
 }
@@ -29,8 +32,8 @@ pub struct Sign {
     pub meaning: Meaning,
     /// Left, top, width and height of its red region, pixels.
     pub bbox: [f64; 4],
-    /// Confidence, 0 to 1: the correlation of a number with its drawing, or the share of a stop sign's outline that is
-    /// red or white.
+    /// Confidence, 0 to 1: the correlation of a number with its drawing, or the contrast of a word or bar with the red
+    /// above and below it, relative to that of a clean sign.
     pub score: f64,
 }
 
@@ -42,14 +45,14 @@ const ASPECT: [f64; 2] = [0.64, 1.25];
 const FILLED: [f64; 2] = [0.68, 0.9];
 /// Largest deviation of the sides from an octagon, as a share of the width, mean over rows; allows for coarse pixels.
 const OFF_OCTAGON: f64 = 0.06;
-/// Shares of red and of white in the outline of a stop sign; white is the text and the rim, unless that is cut off.
-const STOP: [[f64; 2]; 2] = [[0.45, 0.95], [0.03, 0.5]];
+/// Share of red in the outline of a stop or no-entry sign.
+const RED_FIELD: [f64; 2] = [0.45, 0.95];
 /// Share of red in the outline of a speed limit.
 const RING: [f64; 2] = [0.15, 0.6];
 /// Radius of the disc inside the ring, as a share of the sign's.
 const DISC: f64 = 0.74;
 /// Smallest correlation of a number with its drawing.
-const LIKENESS_MIN: f64 = 0.5;
+const LIKENESS_MIN: f64 = 0.55;
 
 /// Detects signs; reuses its buffers.
 #[derive(Clone, Debug, Default)]
@@ -74,19 +77,16 @@ impl SignFinder {
 
 /// Classifies a region; `None` if it is not a sign.
 fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region) -> Option<Sign> {
-    let (mut outline, mut red, mut white) = (0_usize, 0_usize, 0_usize);
+    let (mut outline, mut red) = (0_usize, 0_usize);
     let mut off = 0.0;
     for y in region.top..region.bottom {
         let Some((from, to)) = regions.span(region, y) else { continue };
         outline += to - from;
         off += off_octagon(region, y, [from, to]);
         red += regions.row(y)[from..to].iter().filter(|label| **label == region.label).count();
-        let bytes = &image.row(y)[3 * from..3 * to];
-        white += bytes.chunks_exact(3).filter(|rgb| is_white(rgb)).count();
     }
     let area = (region.width() * region.height()) as f64;
-    let [filled, red, white] =
-        [outline as f64 / area, red as f64 / outline as f64, white as f64 / outline as f64];
+    let [filled, red] = [outline as f64 / area, red as f64 / outline as f64];
     let is_in = |share: f64, [low, high]: [f64; 2]| (low..=high).contains(&share);
     if !is_in(filled, FILLED) {
         return None;
@@ -95,13 +95,18 @@ fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region)
         [region.left, region.top, region.width(), region.height()].map(|n| n as f64);
     let sign = |meaning, score| Sign { meaning, bbox: [left, top, width, height], score };
     if is_in(red, RING) {
-        let (number, score) =
-            reader.read(image, [left + 0.5 * width, top + 0.5 * height], [DISC * width, DISC * height])?;
-        return (score >= LIKENESS_MIN).then(|| sign(Meaning::SpeedLimit(number), score));
+        let middle = [left + 0.5 * width, top + 0.5 * height];
+        let number = reader.read(image, middle, [DISC * width, DISC * height]);
+        if let Some((number, score)) = number.filter(|(_, score)| *score >= LIKENESS_MIN) {
+            return Some(sign(Meaning::SpeedLimit(number), score));
+        }
     }
     let is_octagon = off <= OFF_OCTAGON * height;
-    (is_octagon && is_in(red, STOP[0]) && is_in(white, STOP[1]))
-        .then(|| sign(Meaning::Stop, (red + white).min(1.0)))
+    if !is_octagon || !is_in(red, RED_FIELD) {
+        return None;
+    }
+    let (meaning, score) = field::read(image, region)?;
+    Some(sign(meaning, score))
 }
 
 /// Mean deviation of both sides of a row from an octagon that fills the region's box, as a share of the width.
@@ -122,11 +127,4 @@ fn is_red(rgb: &[u8]) -> bool {
     let other = g.max(b);
     // 1.5 times the other colours; blue not far below green, which excludes orange and brown.
     r >= 28 && 2 * r >= 3 * other && r >= other + 14 && 3 * b + 30 >= 2 * g
-}
-
-/// Returns true for white or grey.
-fn is_white(rgb: &[u8]) -> bool {
-    let (most, least) = (rgb[0].max(rgb[1]).max(rgb[2]), rgb[0].min(rgb[1]).min(rgb[2]));
-    // At most a third off grey.
-    most >= 40 && 3 * u32::from(least) >= 2 * u32::from(most)
 }

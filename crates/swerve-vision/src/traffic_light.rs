@@ -1,8 +1,9 @@
 //! Traffic lights: classification of the lit lamp in a crop by colour and position, and filtering over time.
 //!
-//! No training is needed. Pixels vote by hue, weighted by saturation times squared brightness and by the distance to the
+//! Pixels vote by hue, without training, weighted by saturation times squared brightness and by the distance to the
 //! lamp's position in an upright head of three.
 
+mod crop;
 mod find;
 #[cfg(test)]
 mod tests;
@@ -11,6 +12,7 @@ use swerve_geom::math;
 
 use crate::Rgb;
 
+pub use crop::lit_head;
 pub use find::{Head, LightFinder, Looker};
 
 /// Lamp of a traffic light.
@@ -115,6 +117,11 @@ fn vote_of(pixel: &[u8]) -> (&'static [Lamp], f64) {
         _ => (r - g) / range + 4.0,
     };
     (Lamp::of_hue(60.0 * sixth), range * most / (255.0 * 255.0))
+}
+
+/// Largest of a pixel's colour values.
+fn brightness(rgb: &[u8]) -> u32 {
+    rgb.iter().copied().map(u32::from).max().unwrap_or(0)
 }
 
 /// Frames needed to change the reported lamp.

@@ -30,7 +30,7 @@ pub(crate) struct LookArgs {
     /// Label all pixels with the built-in weights of this name or with a file of weights [default: street]
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "street", requires = "fov")]
     segmentation: Option<String>,
-    /// Find stop signs and speed limits, and read the limits
+    /// Find stop signs, no-entry signs and speed limits, and read the limits
     #[arg(long)]
     signs: bool,
     /// Compute the disparity of each pixel of the left image of a rectified pair
@@ -42,7 +42,7 @@ pub(crate) struct LookArgs {
     /// Detector rung, from fast to good [default: the last that the camera allows]
     #[arg(long, requires = "detector")]
     rung: Option<String>,
-    /// Minimum probability of the reported objects
+    /// Minimum probability of the reported objects, and of a head in the crops of --traffic-light
     #[arg(long, value_name = "0..1", default_value_t = 0.5, allow_negative_numbers = true, value_parser = least)]
     least: f64,
     /// Horizontal field of view, degrees; objects and lines are placed on flat ground
@@ -51,9 +51,10 @@ pub(crate) struct LookArgs {
     /// Height of the camera above the ground, m
     #[arg(long, value_name = "M", default_value_t = 1.35, allow_negative_numbers = true, value_parser = height)]
     height: f64,
-    /// Pitch of the camera of --lanes, degrees, positive downwards
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = pitch)]
-    pitch: f64,
+    /// Pitch of the camera of --lanes, degrees, positive downwards; a road within 2.6 degrees of it is found [default: not
+    /// known, within 6 degrees of level]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = pitch)]
+    pitch: Option<f64>,
     /// Calibration for --lanes in place of --fov, as in OpenCV: fx,fy,cx,cy and optionally the lens, k1,k2,p1,p2,k3
     #[arg(
         long,

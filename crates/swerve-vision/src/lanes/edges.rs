@@ -8,7 +8,7 @@ use swerve_geom::math;
 use super::fit::Road;
 use super::level::LevelView;
 use super::line::Mark;
-use super::settings::LaneSettings;
+use super::settings::{Band, LaneSettings};
 use crate::Plane;
 
 /// Hysteresis thresholds of the gradient, Sobel sums (grey levels over 8 pixels): an edge reaches the higher one
@@ -80,10 +80,10 @@ impl Edges {
         }
     }
 
-    /// Detects edges and their mark centres, for a camera pitched down by `pitch_rad` relative to its mounting.
-    pub(super) fn find(&mut self, view: &LevelView, pitch_rad: f64, mark_m: f64, into: &mut Vec<Mark>) {
-        into.clear();
+    /// Detects the edges of the view.
+    pub(super) fn detect(&mut self, view: &LevelView) {
         let (width, height) = (view.pixels().width(), view.pixels().height());
+        self.kinds.clear();
         if width < 5 || height < 5 {
             return;
         }
@@ -92,6 +92,12 @@ impl Edges {
         let steep = self.steep();
         self.thin(view, steep);
         self.follow(width);
+    }
+
+    /// Mark centres of the detected edges, for a camera pitched down by `pitch_rad` relative to its mounting.
+    pub(super) fn marks(&self, view: &LevelView, pitch_rad: f64, mark_m: f64, into: &mut Vec<Mark>) {
+        into.clear();
+        let width = view.pixels().width().max(1);
         for (row, kinds) in self.kinds.chunks_exact(width).enumerate() {
             let half_px = 0.5 * view.mark_px(row, pitch_rad, mark_m);
             let kept = kinds.iter().enumerate().filter(|(_, kind)| **kind == 2);
@@ -212,13 +218,13 @@ impl Edges {
 
     /// Candidate roads: pairs of straight lines that meet near the horizon a lane width apart, with the most votes, and
     /// the curves tangent to them.
-    pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, into: &mut Vec<Road>) {
+    pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, band: Band, into: &mut Vec<Road>) {
         self.vote(marks);
         self.peaks();
         let mut best = [(0.0, None); PAIRS];
         for left in self.lines.iter().filter(|line| line.slope > 0.0) {
             for right in self.lines.iter().filter(|line| line.slope <= 0.0) {
-                let Some((votes, road)) = self.between([left, right], height_m) else { continue };
+                let Some((votes, road)) = self.between([left, right], height_m, band) else { continue };
                 if votes > best[PAIRS - 1].0 {
                     best[PAIRS - 1] = (votes, Some(road));
                     best.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
@@ -229,17 +235,18 @@ impl Edges {
     }
 
     /// Road between two lines and its votes; `None` if they do not form a lane.
-    fn between(&self, [left, right]: [&Line; 2], height_m: f64) -> Option<(f64, Road)> {
+    fn between(&self, [left, right]: [&Line; 2], height_m: f64, band: Band) -> Option<(f64, Road)> {
         let [narrow_m, wide_m] = self.settings.width_m;
         let width_m = (left.slope - right.slope) * height_m;
         let horizon = (right.start - left.start) / (left.slope - right.slope);
-        let out = -math::atan(horizon) / (3.0 * self.settings.pitch_deviation_rad);
+        let pitch_rad = -math::atan(horizon);
+        let out = pitch_rad / (3.0 * self.settings.pitch_deviation_rad);
         let heading_rad = left.slope * horizon + left.start;
         let is_lane = narrow_m <= width_m && width_m <= wide_m;
         let votes = f64::from(left.votes + right.votes) * (1.0 - PITCH_LOSS * out * out);
-        (is_lane && out.abs() < 1.0 && heading_rad.abs() < HEADING_MAX_RAD).then(|| {
+        (is_lane && band.contains(pitch_rad) && heading_rad.abs() < HEADING_MAX_RAD).then(|| {
             let offsets_m = [left, right].map(|line| Some(line.slope * height_m));
-            (votes, Road { pitch_rad: -math::atan(horizon), heading_rad, curvature_1pm: 0.0, offsets_m })
+            (votes, Road { pitch_rad, heading_rad, curvature_1pm: 0.0, offsets_m })
         })
     }
 

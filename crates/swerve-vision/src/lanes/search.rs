@@ -8,10 +8,10 @@ use swerve_geom::math;
 
 use super::fit::Road;
 use super::line::Mark;
-use super::settings::LaneSettings;
+use super::settings::{Band, LaneSettings};
 
-/// Pitch steps on each side of the mounting, up to three standard deviations.
-const PITCHES: i32 = 9;
+/// Pitch steps on each side of the middle of a band.
+const PITCHES: i32 = 3;
 /// Heading steps on each side, and their size, radians.
 const HEADINGS: i32 = 8;
 const HEADING_RAD: f64 = 0.0175;
@@ -36,6 +36,7 @@ const MARKS_MAX: usize = 1500;
 #[derive(Clone, Debug)]
 pub(super) struct Offsets {
     settings: LaneSettings,
+    band: Band,
     /// Metres ahead, metres to the left, and weight of each mark for one pitch.
     places: Vec<[f64; 3]>,
     /// Lateral offsets of the marks with one curvature removed.
@@ -48,11 +49,18 @@ type Steps = [i32; 3];
 
 impl Offsets {
     pub(super) fn new(settings: LaneSettings) -> Self {
-        Self { settings, places: Vec::new(), straight: Vec::new(), histogram: [0.0; BINS] }
+        Self {
+            settings,
+            band: Band::default(),
+            places: Vec::new(),
+            straight: Vec::new(),
+            histogram: [0.0; BINS],
+        }
     }
 
-    /// Roads for which the marks align best: one per curvature.
-    pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, into: &mut Vec<Road>) {
+    /// Roads for which the marks align best at the pitches of a band: one per curvature.
+    pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, band: Band, into: &mut Vec<Road>) {
+        self.band = band;
         let whole = 1 << HALVINGS;
         let mut best = [(f64::NEG_INFINITY, [0; 3]); (2 * CURVATURES + 1) as usize];
         for pitch in (-PITCHES..=PITCHES).map(|k| k * whole) {
@@ -101,8 +109,7 @@ impl Offsets {
     }
 
     fn pitch_rad(&self, steps: i32) -> f64 {
-        let all = PITCHES * (1 << HALVINGS);
-        3.0 * self.settings.pitch_deviation_rad * f64::from(steps) / f64::from(all)
+        self.band.middle_rad + self.band.half_rad * f64::from(steps) / f64::from(PITCHES << HALVINGS)
     }
 
     /// Projects the marks onto the road.
@@ -141,8 +148,9 @@ impl Offsets {
         let over =
             |near: &[f64]| (near[2] + near[3] - 0.5 * (near[0] + near[1] + near[4] + near[5])).max(0.0);
         let peaks: f64 = self.histogram.windows(6).map(over).map(|over| over * over.sqrt()).sum();
-        let ranges = [(pitch, PITCHES), (heading, HEADINGS), (curvature, CURVATURES)];
-        let out = ranges.map(|(steps, most)| f64::from(steps) / f64::from(most << HALVINGS));
+        let [heading, curvature] = [(heading, HEADINGS), (curvature, CURVATURES)]
+            .map(|(steps, most)| f64::from(steps) / f64::from(most << HALVINGS));
+        let out = [self.pitch_rad(pitch) / (3.0 * self.settings.pitch_deviation_rad), heading, curvature];
         peaks * (1.0 - LOSS * out.iter().map(|out| out * out).sum::<f64>()).max(0.0)
     }
 

@@ -68,6 +68,123 @@ fn both_lines_of_real_roads_are_where_people_see_them() {
     println!("floor: lanes, both lines of the photographs, farthest from the eye's, px: {worst_px:.1} <= 16");
 }
 
+/// Photographs of roads with the lines of a lane that people see in them.
+fn marked_roads() -> Vec<(String, Picture, RoadCamera)> {
+    let cases: Value =
+        serde_json::from_str(include_str!("../../../../tests/reference/vision/lanes.json")).unwrap();
+    let names = cases.as_array().unwrap().iter().map(|case| case["image"].as_str().unwrap().to_owned());
+    names
+        .filter_map(|name| {
+            let picture = Picture::read(&data_or_skip(&name)?);
+            Some((name.clone(), picture, camera_of(&name)))
+        })
+        .collect()
+}
+
+/// Camera whose stated mounting is `off_deg` further down than its true one.
+fn mounted(camera: RoadCamera, true_deg: f64, off_deg: f64) -> RoadCamera {
+    let ego_from_camera = RoadCamera::looking_ahead(1.2, (true_deg + off_deg).to_radians());
+    RoadCamera { ego_from_camera, ..camera }
+}
+
+#[test]
+fn finder_finds_the_pitch_of_photographs_from_any_mounting_in_its_range() {
+    let roads = marked_roads();
+    for (deviation_rad, offs_deg) in [
+        (LaneSettings::default().pitch_deviation_rad, [-2.0, -1.0, 0.0, 1.0, 2.0]),
+        (LaneSettings::PITCH_UNKNOWN_RAD, [-4.0, -2.5, 0.0, 2.5, 4.0]),
+    ] {
+        for (method, lanes_floor, pitches_floor) in [(Method::Ridge, 0.97, 0.97), (Method::Hough, 0.97, 0.82)]
+        {
+            let (mut lanes, mut pitches, mut all) = (0, 0, 0);
+            for (name, picture, camera) in &roads {
+                let true_deg = if name.contains("udacity") { -1.5 } else { -2.5 };
+                for off_deg in offs_deg {
+                    let settings = LaneSettings {
+                        method,
+                        pitch_deviation_rad: deviation_rad,
+                        ..LaneSettings::default()
+                    };
+                    let camera = mounted(*camera, true_deg, off_deg);
+                    let found = LaneFinder::new(camera, settings).unwrap().find(picture.rgb()).unwrap();
+                    let error_deg = found.pitch_rad.to_degrees() + off_deg;
+                    all += 1;
+                    lanes += u32::from(found.left.is_some() && found.right.is_some());
+                    pitches += u32::from(error_deg.abs() < 0.5);
+                    println!("{name} {} {off_deg:+}: {error_deg:+.2} degrees", method.name());
+                }
+            }
+            if all == 0 {
+                continue;
+            }
+            let [lanes, pitches] = [lanes, pitches].map(|count| f64::from(count) / f64::from(all));
+            let range_deg = 3.0 * deviation_rad.to_degrees();
+            let what =
+                format!("lanes of photographs, {}, mounting within {range_deg:.1} degrees", method.name());
+            println!("floor: {what}, both lines: {lanes:.3} >= {lanes_floor}");
+            println!("floor: {what}, pitch within 0.5 degrees: {pitches:.3} >= {pitches_floor}");
+            assert!(lanes >= lanes_floor && pitches >= pitches_floor, "{what}: {lanes} {pitches}");
+        }
+    }
+}
+
+#[test]
+fn finder_finds_the_pitch_of_painted_roads_up_to_the_ends_of_its_range() {
+    let camera = level_camera([800, 600]);
+    for (deviation_rad, pitches_rad) in
+        [(0.015, [-0.043, -0.03, 0.03, 0.043]), (LaneSettings::PITCH_UNKNOWN_RAD, [-0.1, -0.06, 0.06, 0.1])]
+    {
+        for pitch_rad in pitches_rad {
+            let picture = painted(&camera, [1.4, -2.0], pitch_rad);
+            for method in Method::ALL {
+                let settings =
+                    LaneSettings { method, pitch_deviation_rad: deviation_rad, ..LaneSettings::default() };
+                let lanes = LaneFinder::new(camera, settings).unwrap().find(picture.rgb()).unwrap();
+                assert!((lanes.pitch_rad - pitch_rad).abs() < 2e-3, "{method:?} {pitch_rad}: {lanes:?}");
+                for (line, truth_m) in [(lanes.left, 1.4), (lanes.right, -2.0)] {
+                    let (y_m, _) = line.unwrap().at(20.0).unwrap();
+                    assert!((y_m - truth_m).abs() < 0.08, "{method:?} {pitch_rad}: {y_m}");
+                }
+            }
+        }
+    }
+}
+
+/// Photographs of streets without painted lanes: a residential road with kerbs, and slabs.
+#[test]
+fn finder_reports_no_lane_on_unmarked_roads() {
+    let Some(folder) = data_or_skip("perception/kitti_frames") else { return };
+    let (mut roads, mut slabs) = (0, 0);
+    for name in
+        ["t_0001_000010", "t_0001_000015", "t_0001_000020", "t_0016_000002", "t_0016_000007", "t_0016_000012"]
+    {
+        let picture = Picture::read(&folder.join(format!("{name}.png")));
+        for method in Method::ALL {
+            for pitch_deviation_rad in
+                [LaneSettings::default().pitch_deviation_rad, LaneSettings::PITCH_UNKNOWN_RAD]
+            {
+                let camera = RoadCamera {
+                    size_px: [picture.width, picture.height],
+                    focal_px: [721.54; 2],
+                    center_px: [609.6, 172.9],
+                    distortion: [0.0; 5],
+                    ego_from_camera: RoadCamera::looking_ahead(1.65, 0.0),
+                };
+                let settings = LaneSettings { method, pitch_deviation_rad, ..LaneSettings::default() };
+                let lanes = LaneFinder::new(camera, settings).unwrap().find(picture.rgb()).unwrap();
+                let lines = u32::from(lanes.left.is_some()) + u32::from(lanes.right.is_some());
+                assert!(lines < 2, "{name} {method:?}: {lanes:?}");
+                if name.contains("0001") { roads += lines } else { slabs += lines }
+            }
+        }
+    }
+    println!(
+        "floor: lanes, lines on 3 photographs of an unmarked road, both methods and ranges: {roads} <= 0"
+    );
+    println!("floor: lanes, lines on 3 photographs of slabs, both methods and ranges: {slabs} <= 4");
+    assert!(roads == 0 && slabs <= 4, "{roads} {slabs}");
+}
+
 /// Grey road with two painted lines, seen without lens distortion; the noise is a hash of the position.
 fn painted(camera: &RoadCamera, offsets_m: [f64; 2], pitch_rad: f64) -> Picture {
     let [width, height] = camera.size_px;

@@ -9,11 +9,13 @@ use crate::Rgb;
 /// Columns and rows of the patch in which numbers are compared.
 const COLUMNS: usize = 26;
 const ROWS: usize = 16;
-/// Width of a digit and gap between digits, as shares of the digit height.
+/// Width of a digit in its own units of strokes, and widths and half stroke widths of the drawn lettering, as shares of the
+/// digit height: from DIN 1451 narrow to Transport bold.
 const DIGIT: f64 = 0.6;
-const GAP: f64 = 0.2;
-/// Half of the stroke width, as a share of the digit height.
-const STROKE: f64 = 0.08;
+const WIDTHS: [f64; 4] = [0.34, 0.44, 0.54, 0.64];
+const STROKES: [f64; 3] = [0.06, 0.09, 0.12];
+/// Gaps between digits, as shares of the digit height.
+const GAPS: [f64; 2] = [0.1, 0.2];
 /// Number of points of a digit's arcs.
 const ROUND: usize = 16;
 /// Quantile of brightness taken as white, in any light.
@@ -21,7 +23,7 @@ const WHITE: f64 = 0.75;
 /// Smallest contrast of a number, as a share of white.
 const CONTRAST_MIN: f64 = 0.25;
 /// Smallest lead of the best correlation over the next one.
-const LEAD_MIN: f64 = 0.02;
+const LEAD_MIN: f64 = 0.03;
 /// Samples per cell along each axis.
 const LOOKS: usize = 3;
 
@@ -35,8 +37,17 @@ struct Drawing {
     patch: Patch,
 }
 
-static DRAWINGS: LazyLock<Vec<Drawing>> =
-    LazyLock::new(|| (1..=13).map(|tens| Drawing::new(10 * tens)).collect());
+static DRAWINGS: LazyLock<Vec<Drawing>> = LazyLock::new(|| {
+    let mut drawings = Vec::new();
+    for number in (1..=13).map(|tens| 10 * tens) {
+        for width in WIDTHS {
+            for gap in GAPS {
+                drawings.extend(STROKES.map(|half| Drawing::new(number, [width, gap], half)));
+            }
+        }
+    }
+    drawings
+});
 
 /// Reads numbers; reuses its buffers.
 #[derive(Clone, Debug, Default)]
@@ -59,9 +70,11 @@ impl Reader {
         };
         let (mut best, mut next) = ((0, f64::NEG_INFINITY), f64::NEG_INFINITY);
         for one in DRAWINGS.iter().map(likeness) {
+            // Drawings of one number are adjacent; the next best is of another one.
             if one.1 > best.1 {
-                (next, best) = (best.1, one);
-            } else {
+                next = if one.0 == best.0 { next } else { best.1 };
+                best = one;
+            } else if one.0 != best.0 {
                 next = next.max(one.1);
             }
         }
@@ -107,9 +120,10 @@ fn is_within(point: [f64; 2], center: [f64; 2], size: [f64; 2]) -> bool {
     x * x + y * y <= 1.0
 }
 
-/// Brightness as the green channel, in which the red ring is dark.
+/// Brightness as the red channel, in which a red ring is almost as bright as the disc, so that it is never taken for a part
+/// of the number, however wide it is.
 fn brightness(image: Rgb<'_>, x: usize, y: usize) -> u8 {
-    image.row(y)[3 * x + 1]
+    image.row(y)[3 * x]
 }
 
 /// Bilinearly interpolated brightness.
@@ -164,26 +178,28 @@ fn normalised(mut patch: Patch) -> Option<Patch> {
 }
 
 impl Drawing {
-    fn new(number: u8) -> Self {
+    /// Drawing of a number with digits of this width, gap and half stroke width, as shares of the digit height.
+    fn new(number: u8, [digit_width, gap]: [f64; 2], half_stroke: f64) -> Self {
         let digits: Vec<u8> = number.to_string().bytes().map(|letter| letter - b'0').collect();
         let mut lines: Vec<[[f64; 2]; 2]> = Vec::new();
         let mut x = 0.0;
         for digit in digits {
             let strokes = strokes(digit);
             for stroke in &strokes {
-                lines.extend(stroke.windows(2).map(|ends| [ends[0], ends[1]].map(|[u, v]| [x + u, v])));
+                let at = |[u, v]: [f64; 2]| [x + u * digit_width / DIGIT, v];
+                lines.extend(stroke.windows(2).map(|ends| [ends[0], ends[1]].map(at)));
             }
-            x += GAP + if digit == 1 { 0.5 * DIGIT } else { DIGIT };
+            x += gap + if digit == 1 { 0.5 * digit_width } else { digit_width };
         }
-        let width = x - GAP;
+        let width = x - gap;
         let ink = |x: f64, y: f64| {
             let nearest = lines.iter().map(|line| distance([x, y], line)).fold(f64::INFINITY, f64::min);
             // Blur like that of an image in which a digit has nine rows.
-            (1.0 - (nearest - STROKE) / 0.06).clamp(0.0, 1.0)
+            (1.0 - (nearest - half_stroke) / 0.06).clamp(0.0, 1.0)
         };
-        let bounds = [-STROKE, -STROKE, width + STROKE, 1.0 + STROKE];
+        let bounds = [-half_stroke, -half_stroke, width + half_stroke, 1.0 + half_stroke];
         let patch = normalised(patch(&ink, bounds)).expect("a number has strokes");
-        Self { number, aspect: (width + 2.0 * STROKE) / (1.0 + 2.0 * STROKE), patch }
+        Self { number, aspect: (width + 2.0 * half_stroke) / (1.0 + 2.0 * half_stroke), patch }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Traffic light heads in an image: classified at known map positions, or detected by colour and shape.
 
-use super::{COLUMNS, Lamp, lit_within, vote_of};
+use super::{COLUMNS, Lamp, brightness, lit_within, vote_of};
 use crate::Rgb;
 use crate::regions::{Region, Regions};
 
@@ -144,11 +144,6 @@ fn dark_share(crop: Rgb<'_>, lamp: Lamp, bright: f64) -> f64 {
         }
     }
     if all == 0 { 0.0 } else { dark as f64 / all as f64 }
-}
-
-/// Largest of a pixel's colour values.
-fn brightness(rgb: &[u8]) -> u32 {
-    rgb.iter().copied().map(u32::from).max().unwrap_or(0)
 }
 
 /// Returns true if a pixel's vote for any lamp is at least `least`.

@@ -32,7 +32,7 @@ fn real_crops() {
         return;
     };
     for (part, floor) in [("dataset_test", 0.97), ("dataset_train", 0.97)] {
-        let (mut right, mut all, mut faintest) = (0, 0, f64::MAX);
+        let (mut right, mut heads, mut all, mut faintest) = (0, 0, 0, f64::MAX);
         for lamp in Lamp::ALL {
             for file in std::fs::read_dir(folder.join(part).join(lamp.name())).unwrap() {
                 let path = file.unwrap().path();
@@ -43,10 +43,14 @@ fn real_crops() {
                 let found = lit(picture.rgb());
                 all += 1;
                 right += u32::from(found.is_some_and(|(found, _)| found == lamp));
+                let head = lit_head(picture.rgb());
+                heads += u32::from(head.is_some_and(|(found, _, head)| found == lamp && head >= 0.5));
                 faintest = faintest.min(found.map_or(0.0, |(_, share)| share));
             }
         }
-        let share = f64::from(right) / f64::from(all);
+        let [share, heads] = [right, heads].map(|count| f64::from(count) / f64::from(all));
+        println!("floor: traffic lights, {part}, lamp and head: {heads:.4} >= {floor}");
+        assert!(heads >= floor, "{part}: {heads}");
         println!("{part}: {right} of {all} right; least share {faintest:.2}");
         println!("floor: traffic lights, {part}: {share:.4} >= {floor}");
         assert!(share >= floor, "{part}: {share}");
@@ -90,4 +94,57 @@ fn lit_allocates_nothing() {
     let bytes = head(Lamp::Red, [20, 50]);
     let crop = Rgb::new(20, 50, &bytes).unwrap();
     assert_eq!(allocation_counter::measure(|| assert!(lit(crop).is_some())).count_total, 0);
+}
+
+/// Photographs without a light that the weights of `lit_head` were not fitted to, whole and in windows as narrow as heads.
+#[test]
+fn scenes_without_a_light_show_no_head() {
+    let (mut named, mut all) = (0, 0);
+    for (folder, begin) in
+        [("perception/kitti_frames", "t_0016"), ("perception/udacity_lanes/test_images", "")]
+    {
+        let Some(folder) = data_or_skip(folder) else { continue };
+        let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()).collect();
+        paths.sort_unstable();
+        for path in paths {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if !name.starts_with(begin) || name.ends_with("txt") {
+                continue;
+            }
+            let picture = Picture::read(&path);
+            let whole = lit_head(picture.rgb());
+            assert!(whole.is_none_or(|(.., head)| head < 0.5), "{name}: {whole:?}");
+            for height in [24, 48, 96, 192] {
+                let width = height / 2;
+                for top in (0..picture.height - height).step_by(height) {
+                    for left in (0..picture.width - width).step_by(height) {
+                        let row =
+                            |y: usize| 3 * (y * picture.width + left)..3 * (y * picture.width + left + width);
+                        let bytes: Vec<u8> =
+                            (top..top + height).flat_map(|y| picture.bytes[row(y)].iter().copied()).collect();
+                        let head = lit_head(Rgb::new(width, height, &bytes).unwrap());
+                        named += u32::from(head.is_some_and(|(.., head)| head >= 0.5));
+                        all += 1;
+                    }
+                }
+            }
+        }
+    }
+    if all > 0 {
+        let share = f64::from(named) / f64::from(all);
+        println!("floor: traffic lights, windows without a light that are named: {share:.4} <= 0.03");
+        assert!(share <= 0.03, "{named} of {all}");
+    }
+}
+
+#[test]
+fn heads_are_upright() {
+    for lamp in Lamp::ALL {
+        let bytes = head(lamp, [20, 50]);
+        let (found, _, probability) = lit_head(Rgb::new(20, 50, &bytes).unwrap()).unwrap();
+        assert!(found == lamp && probability.is_finite(), "{lamp:?}: {found:?} {probability}");
+        let wide: Vec<u8> = bytes.repeat(3);
+        let (.., probability) = lit_head(Rgb::new(60, 50, &wide).unwrap()).unwrap_or((lamp, 0.0, 0.0));
+        assert_eq!(probability, 0.0, "{lamp:?}");
+    }
 }

@@ -39,7 +39,10 @@ pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
         let mut picture = Picture::read(path, args.megapixels)?;
         let camera = camera(args, picture.size)?;
         if finder.as_ref().is_none_or(|(of, _)| *of != camera) {
-            let settings = LaneSettings { method, ..LaneSettings::default() };
+            let mut settings = LaneSettings { method, ..LaneSettings::default() };
+            if args.pitch.is_none() {
+                settings.pitch_deviation_rad = LaneSettings::PITCH_UNKNOWN_RAD;
+            }
             finder = Some((camera, LaneFinder::new(camera, settings)?));
         }
         let Some((_, finder)) = &mut finder else { continue };
@@ -54,7 +57,7 @@ pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
 }
 
 fn camera(args: &LookArgs, size_px: [usize; 2]) -> anyhow::Result<RoadCamera> {
-    let ego_from_camera = RoadCamera::looking_ahead(args.height, args.pitch.to_radians());
+    let ego_from_camera = RoadCamera::looking_ahead(args.height, args.pitch.unwrap_or(0.0).to_radians());
     if let Some(fov_deg) = args.fov {
         return Ok(RoadCamera::pinhole(size_px, fov_deg.to_radians(), ego_from_camera));
     }

@@ -1,4 +1,4 @@
-//! `swerve look --signs`: finds stop signs and speed limits.
+//! `swerve look --signs`: finds stop signs, no-entry signs and speed limits.
 
 use anyhow::Context as _;
 use serde::Serialize;
@@ -21,7 +21,7 @@ struct Report {
 #[derive(Serialize)]
 struct Found {
     sign: &'static str,
-    /// Speed limit, km/h; `None` for a stop sign.
+    /// Speed limit, km/h; `None` for another sign.
     #[serde(skip_serializing_if = "Option::is_none")]
     kmh: Option<u8>,
     /// Left, top, width and height, pixels.
@@ -34,6 +34,7 @@ impl Found {
     fn new(sign: &Sign) -> Self {
         let (name, kmh) = match sign.meaning {
             Meaning::Stop => ("stop", None),
+            Meaning::NoEntry => ("no_entry", None),
             Meaning::SpeedLimit(kmh) => ("speed_limit", Some(kmh)),
         };
         Self { sign: name, kmh, bbox: sign.bbox, score: (sign.score * 1000.0).round() / 1000.0 }

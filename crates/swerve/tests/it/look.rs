@@ -39,7 +39,7 @@ fn images_without_content_have_no_lines_no_lamps_and_no_depth() {
     }
     assert!(bench.path("drawn/black.png").exists());
     let said = bench.good(&["look", "dot.png", "--traffic-light", "--json"]);
-    assert_eq!(said, "{\"image\":\"dot.png\",\"lamp\":null,\"share\":0.0}\n");
+    assert_eq!(said, "{\"image\":\"dot.png\",\"lamp\":null,\"share\":0.0,\"probability\":0.0}\n");
     let said = bench.good(&["look", "--stereo", "black.png", "black.png", "--out", "d.pfm", "--json"]);
     assert!(said.contains("\"known\":0.0,\"median_px\":null"), "{said}");
     let file = std::fs::read(bench.path("d.pfm")).unwrap();
