@@ -347,6 +347,14 @@ fn wrong_recipes_of_pictures_are_reported_with_their_line() {
     }
 }
 
+#[test]
+fn recipe_of_the_page_is_that_of_the_script() {
+    let recipe = include_str!("../../../../../../tests/reference/vision/own_pictures.toml");
+    let page = include_str!("../../../../../../docs/howto/train_a_detector.md");
+    assert_eq!(problem_of(recipe), "nothing");
+    assert!(page.contains(&format!("```text\n{recipe}```")), "the page shows another recipe");
+}
+
 /// Frames of KITTI's tracking benchmark, of two sizes, in the layout of its object benchmark.
 #[test]
 fn kitti_frames_are_read_with_regions_without_labels() {
