@@ -9,6 +9,7 @@ mod tests;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
+use anyhow::ensure;
 use serde::Deserialize;
 use swerve_text::{did_you_mean, list};
 
@@ -85,7 +86,7 @@ impl Pictures {
     /// Reads the labels and decodes each picture once, so that errors are found before training.
     pub(super) fn read(&self, data: &Path) -> anyhow::Result<Vec<Labelled>> {
         let folder = data.join(&self.folder);
-        match self.format {
+        let images = match self.format {
             Format::Kitti => kitti::read(&folder, self.share),
             Format::Coco => {
                 let labels = self.labels.as_ref().map(|labels| data.join(labels));
@@ -93,7 +94,14 @@ impl Pictures {
                 coco::read(&folder, &labels, &self.categories, self.share)
             }
             Format::Folders => folders::read(&folder, self.margin, self.share),
-        }
+        }?;
+        let [from, to] = self.share;
+        ensure!(
+            !images.is_empty(),
+            "share: expected at least one picture from {from} to {to} of {}",
+            folder.display()
+        );
+        Ok(images)
     }
 }
 

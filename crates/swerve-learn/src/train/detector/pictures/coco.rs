@@ -104,7 +104,6 @@ pub(super) fn read(
         .into_iter()
         .map(|image| (boxes.remove(&image.id).unwrap_or_default(), image))
         .collect();
-    ensure!(!images.is_empty(), "{file}: images: expected at least one");
     let one = |(truths, image): (Vec<(usize, Truth)>, Image)| {
         let path = folder.join(&image.file_name);
         Labelled::checked(path.clone(), |size| {
@@ -139,9 +138,8 @@ fn kinds(
         ensure!(exists, "categories: expected categories of {file}, found `{name}`{near}");
     }
     let kind = |category: &Category| {
-        let is_of = |class: &Class| {
-            named.get(class.name()).is_some_and(|names| names.iter().any(|name| *name == category.name))
-        };
+        let is_of =
+            |class: &Class| named.get(class.name()).is_some_and(|names| names.contains(&category.name));
         let given = Class::ALL.into_iter().find(is_of).map(Class::kind);
         let replaced = |kind: &&str| {
             Class::ALL.iter().any(|class| class.kind() == *kind && named.contains_key(class.name()))

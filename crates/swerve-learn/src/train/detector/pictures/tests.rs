@@ -117,6 +117,9 @@ fn detector_learns_from_pictures_of_each_format() {
     }
 }
 
+/// Damage to a folder of data.
+type Spoil = Box<dyn Fn(&Path)>;
+
 #[test]
 fn wrong_pictures_are_reported() {
     let label =
@@ -134,7 +137,7 @@ fn wrong_pictures_are_reported() {
             fs::write(&path, fs::read_to_string(&path).unwrap().replace("Car", "Pedestrian")).unwrap();
         }
     };
-    let cases: Vec<(Box<dyn Fn(&Path)>, &str)> = vec![
+    let cases: Vec<(Spoil, &str)> = vec![
         (
             Box::new(label("Car 0 0\n")),
             "recipe.toml:5: set[0].pictures: DATA/kitti/label_2/001.txt:1: expected 15 columns",
@@ -258,6 +261,20 @@ fn wrong_folders_are_reported() {
     assert!(
         named.contains("window[0]: expected images for training with room for windows without a car"),
         "{named}"
+    );
+}
+
+#[test]
+fn share_without_a_picture_is_reported() {
+    let data = tempfile::tempdir().unwrap();
+    kitti_streets(&data.path().join("kitti"), 0..4);
+    let part = |share: &str| of("kitti", &format!("format = \"kitti\", share = {share}"));
+    let error =
+        trained(data.path(), &recipe([&part("[0.0, 0.5]"), &part("[0.5, 0.6]"), &part("[0.6, 1.0]")]));
+    let error = error.unwrap_err();
+    assert!(
+        error.contains("set[1].pictures: share: expected at least one picture from 0.5 to 0.6 of"),
+        "{error}"
     );
 }
 
