@@ -52,3 +52,8 @@ def test_the_detector_drives_as_the_program_has_it(tmp_path: Path) -> None:
     ran = python(tmp_path, "-m", "swerve", "run", "person_behind_truck", "-c", config, "--allow-code", "--json")
     digest = re.search(r'"digest": *"(\w+)"', ran)
     assert digest and f"digest {digest[1]}\n" in said, said
+
+
+def test_the_study_of_detectors_and_the_network_are_valid_configurations(tmp_path: Path) -> None:
+    for name in ("detector_study.toml", "onnx_detector.toml"):
+        assert python(tmp_path, "-m", "swerve", "check", EXAMPLES / name)

@@ -21,7 +21,7 @@ pub struct TrainArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// A camera object detector, on images of random streets, by a recipe
+    /// A camera object detector, on images of random streets or on labelled pictures, by a recipe
     Detector(by_recipe::RecipeArgs),
     /// A camera segmentation, on images of random streets, by a recipe
     Segmentation(by_recipe::RecipeArgs),

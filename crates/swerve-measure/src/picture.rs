@@ -62,7 +62,11 @@ impl Pictures {
     }
 }
 
-fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+/// PNG and JPEG files of a folder, in the order of their names.
+///
+/// # Errors
+/// If it cannot be read, or has none.
+pub fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = entries(folder).with_context(|| format!("reading {}", folder.display()))?;
     images.retain(|path| {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());

@@ -13,7 +13,7 @@ use swerve_stack::Registry;
 pub(super) struct RecipeArgs {
     /// Recipe (TOML): training data and parameters
     recipe: PathBuf,
-    /// Folder of the training data: labelled images, of which missing ones are rendered; recorded tracks
+    /// Folder of the training data: images, of which missing ones are rendered; labelled pictures; recorded tracks
     #[arg(long, default_value = "out/training")]
     pub(super) data: PathBuf,
     /// Write the weights to this file [default: the recipe's path with the ending .weights]

@@ -1,8 +1,8 @@
-//! Sets of labelled images of random streets: their description in recipes, and their rendering.
+//! Sets of labelled images: their description in recipes, and the rendering of random streets.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use swerve_core::digest_of;
@@ -12,6 +12,7 @@ use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problem};
 
+use super::detector::Pictures;
 use super::street::street;
 use crate::dataset::{self, DatasetArgs};
 
@@ -30,7 +31,12 @@ pub(super) struct Camera {
 impl Camera {
     /// Focal length, pixels.
     pub(in crate::train) fn focal_px(&self) -> f64 {
-        0.5 * f64::from(self.width_px) / swerve_geom::math::tan(0.5 * self.fov_deg.to_radians())
+        self.focal_of(f64::from(self.width_px))
+    }
+
+    /// Focal length in images of another width, pixels.
+    pub(in crate::train) fn focal_of(&self, width_px: f64) -> f64 {
+        0.5 * width_px / swerve_geom::math::tan(0.5 * self.fov_deg.to_radians())
     }
 }
 
@@ -44,17 +50,19 @@ pub(super) enum Purpose {
     Test,
 }
 
-/// Images of a range of streets.
+/// Images of a range of random streets, or labelled pictures.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ImageSet {
     pub(in crate::train) name: String,
     pub(in crate::train) purpose: Purpose,
     /// First street, and the one after the last.
-    pub(in crate::train) streets: [u32; 2],
+    streets: Option<[u32; 2]>,
     /// Seed of the drives.
-    pub(in crate::train) seed: u32,
-    pub(in crate::train) weather: WeatherPreset,
+    seed: Option<u32>,
+    weather: Option<WeatherPreset>,
+    /// Labelled pictures in place of streets, for detectors.
+    pub(in crate::train) pictures: Option<Pictures>,
 }
 
 /// Reads and checks a recipe. Returns it with its text.
@@ -71,20 +79,22 @@ pub(super) fn read<T: DeserializeOwned>(
     if problems.is_empty() { Ok((recipe, text)) } else { Err(problems_error(&problems)) }
 }
 
+/// Error at a key of a recipe, with its file and line.
+pub(super) fn error_at(recipe: &Path, key: &str, error: &anyhow::Error) -> anyhow::Error {
+    let problem = Document::read(recipe).map(|document| document.problem(key, format!("{error:#}")));
+    problems_error(&[problem.unwrap_or_else(|problem| problem)])
+}
+
 /// Checks the camera and the sets; each purpose needs at least one set.
 pub(super) fn check(
-    camera: &Camera,
+    camera: Option<&Camera>,
     sets: &[ImageSet],
     purposes: &[Purpose],
     ensure: &mut dyn FnMut(bool, String, &str),
 ) {
-    ensure((64..=4096).contains(&camera.width_px), "camera.width_px".into(), "expected 64 to 4096");
-    ensure((64..=4096).contains(&camera.height_px), "camera.height_px".into(), "expected 64 to 4096");
-    ensure(camera.fov_deg > 1.0 && camera.fov_deg < 170.0, "camera.fov_deg".into(), "expected 1 to 170");
-    let height = camera.height_m > 0.0 && camera.height_m <= 100.0;
-    ensure(height, "camera.height_m".into(), "expected more than 0, at most 100");
-    let period = (1.0..=60_000.0).contains(&camera.period_ms);
-    ensure(period, "camera.period_ms".into(), "expected 1 to 60000");
+    if let Some(camera) = camera {
+        check_camera(camera, ensure);
+    }
     for (k, set) in sets.iter().enumerate() {
         let is_name = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         let named =
@@ -96,27 +106,65 @@ pub(super) fn check(
         );
         let first = sets[..k].iter().all(|other| other.name != set.name);
         ensure(first, format!("set[{k}].name"), "expected a name that no other set has");
-        ensure(
-            set.streets[0] < set.streets[1],
-            format!("set[{k}].streets"),
-            "expected the first, and one more than the last",
-        );
-        let others = sets
+        let held_out: Vec<&ImageSet> = sets
             .iter()
-            .filter(|other| (other.purpose == Purpose::Training) != (set.purpose == Purpose::Training));
-        let shared = others
-            .into_iter()
-            .any(|other| set.streets[0] < other.streets[1] && other.streets[0] < set.streets[1]);
-        ensure(
-            !shared,
-            format!("set[{k}].streets"),
-            "expected streets that are not both trained on and held out",
-        );
+            .filter(|other| (other.purpose == Purpose::Training) != (set.purpose == Purpose::Training))
+            .collect();
+        match &set.pictures {
+            Some(pictures) => {
+                let rendered = set.streets.is_some() || set.seed.is_some() || set.weather.is_some();
+                let either = "expected either `pictures`, or `streets`, `seed` and `weather`";
+                ensure(!rendered, format!("set[{k}].pictures"), either);
+                pictures.check(k, ensure);
+                let mut others = held_out.iter().filter_map(|other| other.pictures.as_ref());
+                ensure(
+                    !others.any(|other| other.shares_with(pictures)),
+                    format!("set[{k}].pictures"),
+                    "expected pictures that are not both trained on and held out: another folder, or a `share` apart",
+                );
+            }
+            None => check_streets((k, set), camera, &held_out, ensure),
+        }
     }
     for purpose in purposes {
         let has = sets.iter().any(|set| set.purpose == *purpose);
         ensure(has, "set".into(), "expected sets for all purposes");
     }
+}
+
+fn check_camera(camera: &Camera, ensure: &mut dyn FnMut(bool, String, &str)) {
+    ensure((64..=4096).contains(&camera.width_px), "camera.width_px".into(), "expected 64 to 4096");
+    ensure((64..=4096).contains(&camera.height_px), "camera.height_px".into(), "expected 64 to 4096");
+    ensure(camera.fov_deg > 1.0 && camera.fov_deg < 170.0, "camera.fov_deg".into(), "expected 1 to 170");
+    let height = camera.height_m > 0.0 && camera.height_m <= 100.0;
+    ensure(height, "camera.height_m".into(), "expected more than 0, at most 100");
+    let period = (1.0..=60_000.0).contains(&camera.period_ms);
+    ensure(period, "camera.period_ms".into(), "expected 1 to 60000");
+}
+
+/// Checks a set to be rendered.
+fn check_streets(
+    (k, set): (usize, &ImageSet),
+    camera: Option<&Camera>,
+    held_out: &[&ImageSet],
+    ensure: &mut dyn FnMut(bool, String, &str),
+) {
+    let given = [
+        ("streets", set.streets.is_some()),
+        ("seed", set.seed.is_some()),
+        ("weather", set.weather.is_some()),
+    ];
+    for (key, given) in given {
+        let expected = format!("expected `{key}`: a set has `streets`, `seed` and `weather`, or `pictures`");
+        ensure(given, format!("set[{k}].{key}"), &expected);
+    }
+    let key = format!("set[{k}].streets");
+    ensure(camera.is_some(), key.clone(), "expected the table `[camera]`: streets are rendered");
+    let Some(streets) = set.streets else { return };
+    ensure(streets[0] < streets[1], key.clone(), "expected the first, and one more than the last");
+    let mut others = held_out.iter().filter_map(|other| other.streets);
+    let shared = others.any(|other| streets[0] < other[1] && other[0] < streets[1]);
+    ensure(!shared, key, "expected streets that are not both trained on and held out");
 }
 
 /// Folder of a set's images in KITTI format, below a data folder; rendered if missing.
@@ -126,9 +174,12 @@ pub(super) fn rendered(
     data: &Path,
     registry: &Registry,
 ) -> anyhow::Result<PathBuf> {
+    let (Some(range), Some(seed), Some(weather)) = (set.streets, set.seed, set.weather) else {
+        bail!("set `{}`: expected `streets`, `seed` and `weather`", set.name);
+    };
     let camera = camera_text(camera);
-    let streets: Vec<(u32, String)> = (set.streets[0]..set.streets[1]).map(|k| (k, street(k))).collect();
-    let key = digest_of(&(&camera, &streets, set.seed, set.weather.name()));
+    let streets: Vec<(u32, String)> = (range[0]..range[1]).map(|k| (k, street(k))).collect();
+    let key = digest_of(&(&camera, &streets, seed, weather.name()));
     let out = data.join(format!("{}-{key}", set.name));
     if !dataset::is_complete(&out) {
         let texts = data.join("streets");
@@ -141,7 +192,7 @@ pub(super) fn rendered(
             Ok(path)
         };
         let scenarios = streets.iter().map(file).collect::<anyhow::Result<_>>()?;
-        let (seeds, weathers) = (vec![set.seed], vec![set.weather]);
+        let (seeds, weathers) = (vec![seed], vec![weather]);
         dataset::make(
             &DatasetArgs {
                 code: Default::default(),

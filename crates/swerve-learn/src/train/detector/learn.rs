@@ -1,6 +1,7 @@
 //! Rounds of training: samples windows from the images, trains trees or templates on them, and repeats with the false
 //! positives of the previous round.
 
+use anyhow::anyhow;
 use rayon::prelude::*;
 use swerve_core::Rng;
 use swerve_report::progress::Progress;
@@ -10,6 +11,7 @@ use swerve_vision::svm::{self, SvmParams};
 
 use super::labelled::Labelled;
 use super::recipe::{Growing, Method, Recipe, Svm, Window};
+use super::scanners::Scanners;
 
 /// Exponents by which colour, magnitude and orientations fall with scale (Dollár et al. 2014, table 2).
 const DECAY: [f32; 3] = [0.0, 0.11, 0.11];
@@ -53,7 +55,15 @@ struct Windows {
 }
 
 /// Trains the scorers of all windows; the result does not depend on the number of threads.
-pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights, progress: &Progress) {
+///
+/// # Errors
+/// If an image cannot be decoded, or a window has no examples to learn from.
+pub(super) fn learn(
+    recipe: &Recipe,
+    images: &[Labelled],
+    weights: &mut Weights,
+    progress: &Progress,
+) -> anyhow::Result<()> {
     // Templates reject no window early, so fewer windows are scanned.
     let (per_octave, stride) = match &recipe.learning.method {
         Method::Trees(_) => (8, 1),
@@ -70,15 +80,17 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
         tolerance_rad: None,
         calibrations: Vec::new(),
     };
-    let size = [recipe.camera.width_px, recipe.camera.height_px].map(|px| px as usize);
+    let [of_image, in_total] = recipe.learning.negatives;
+    // Of many images each adds fewer windows, so that a round adds at most about twice the number kept.
+    let most = of_image.min((2 * in_total).div_ceil(images.len().max(1)).max(1));
     let mut kept = vec![Windows::default(); weights.models.len()];
     for round in 0..recipe.learning.rounds() {
-        let scanner = Scanner::new(weights.clone(), looking.clone(), size, None);
-        let mined: Vec<Vec<Windows>> = images
-            .par_iter()
-            .enumerate()
-            .map_init(|| scanner.clone(), |scanner, (k, image)| mine(recipe, scanner, image, [round, k]))
-            .collect();
+        let scanners = Scanners::new(weights.clone(), looking.clone(), None);
+        let mined = images.par_iter().enumerate().map_init(
+            || scanners.clone(),
+            |scanners, (k, image)| mine(recipe, scanners.of(image.size()), image, [round, k, most]),
+        );
+        let mined: Vec<Vec<Windows>> = mined.collect::<anyhow::Result<_>>()?;
         for (model, kept) in kept.iter_mut().enumerate() {
             let features = features(weights, &recipe.window[model]);
             let fresh: Vec<u8> = mined.iter().flat_map(|windows| &windows[model].negative).copied().collect();
@@ -99,6 +111,9 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
                 fresh.len() / features,
             ));
         }
+        if round == 0 {
+            check_windows(recipe, &kept)?;
+        }
         let learn_one = |(model, kept): (usize, &Windows)| {
             let seed = recipe.seed + model as u64;
             match &recipe.learning.method {
@@ -110,6 +125,42 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
         weights.models.iter_mut().zip(learnt).for_each(|(model, scorer)| model.scorer = scorer);
         progress.one_done();
     }
+    Ok(())
+}
+
+/// Checks that each window has an object of its class and aspect among the labels.
+pub(super) fn check_examples(recipe: &Recipe, images: &[Labelled]) -> anyhow::Result<()> {
+    for (k, window) in recipe.window.iter().enumerate() {
+        let has = |image: &Labelled| image.examples(window, &recipe.learning).next().is_some();
+        if !images.iter().any(has) {
+            let [from, to] = window.aspects;
+            let error = anyhow!(
+                "expected a {} with a width of {from} to {to} heights in the sets for training, found none in {} images",
+                window.class.name(),
+                images.len()
+            );
+            return Err(recipe.error_at(&format!("window[{k}]"), &error));
+        }
+    }
+    Ok(())
+}
+
+/// Checks the windows of the first round.
+fn check_windows(recipe: &Recipe, kept: &[Windows]) -> anyhow::Result<()> {
+    for (k, (window, kept)) in recipe.window.iter().zip(kept).enumerate() {
+        let (name, [width, height]) = (window.class.name(), window.object_px);
+        let error = if kept.positive.is_empty() {
+            anyhow!(
+                "expected a {name} that can be scaled to {width} x {height} pixels: the labelled ones are too small"
+            )
+        } else if kept.negative.is_empty() {
+            anyhow!("expected images for training with room for windows without a {name}")
+        } else {
+            continue;
+        };
+        return Err(recipe.error_at(&format!("window[{k}]"), &error));
+    }
+    Ok(())
 }
 
 /// Number of features of a window.
@@ -167,31 +218,25 @@ fn separate(weights: &Weights, model: usize, windows: &Windows, (svm, seed): (&S
     Template { weights: linear.weights.iter().map(|w| *w as f32).collect(), offset: linear.offset as f32 }
 }
 
-/// Windows from one image.
+/// Windows from one image; at most `most` without an object.
 fn mine(
     recipe: &Recipe,
     scanner: &mut Scanner,
     image: &Labelled,
-    [round, number]: [usize; 2],
-) -> Vec<Windows> {
+    [round, number, most]: [usize; 3],
+) -> anyhow::Result<Vec<Windows>> {
     let mut windows = vec![Windows::default(); recipe.window.len()];
-    if scanner.fill(image.rgb()).is_err() {
-        return windows;
-    }
+    scanner.fill(image.picture()?.rgb()?)?;
     let mut candidates = Vec::new();
     scanner.candidates(&mut candidates);
     candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut rng = Rng::keyed(recipe.seed, "windows", &[number as i64]);
     for (model, (window, out)) in recipe.window.iter().zip(&mut windows).enumerate() {
         if round == 0 {
-            for bbox in image.examples(window.class, window.occluded_max, recipe.learning.within_m) {
-                let aspect = bbox[2] / bbox[3];
-                if (window.aspects[0]..window.aspects[1]).contains(&aspect) {
-                    example(scanner, window, (model, bbox), &mut out.positive);
-                }
+            for bbox in image.examples(window, &recipe.learning) {
+                example(scanner, window, (model, bbox), &mut out.positive);
             }
         }
-        let most = recipe.learning.negatives[0];
         let mut chosen: Vec<[f64; 4]> = Vec::new();
         let mut add = |candidate: &Candidate, chosen: &mut Vec<[f64; 4]>| {
             let bbox = scanner.bbox(candidate);
@@ -215,7 +260,7 @@ fn mine(
             add(candidate, &mut chosen);
         }
     }
-    windows
+    Ok(windows)
 }
 
 /// Random window.

@@ -1,12 +1,12 @@
 //! Recipe of a detector (TOML): training data and parameters.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use swerve_text::{Document, Problem};
 use swerve_vision::acf::Rung;
 
-use crate::train::images::{Camera, ImageSet, Purpose, check, read};
+use crate::train::images::{Camera, ImageSet, Purpose, check, error_at, read};
 
 /// Recipe of a detector.
 #[derive(Clone, Debug, Deserialize)]
@@ -14,12 +14,15 @@ use crate::train::images::{Camera, ImageSet, Purpose, check, read};
 pub(in crate::train) struct Recipe {
     /// Seed of all random draws in training.
     pub(super) seed: u64,
-    pub(super) camera: Camera,
+    /// Camera of rendered sets, and of the rungs that use the ground.
+    pub(super) camera: Option<Camera>,
     /// Image sets, each with its purpose.
     pub(super) set: Vec<ImageSet>,
     pub(super) window: Vec<Window>,
     pub(super) learning: Learning,
     pub(super) rung: Vec<Ladder>,
+    #[serde(skip)]
+    path: PathBuf,
 }
 
 /// Object window that one set of trees or one template detects.
@@ -51,6 +54,8 @@ pub(super) enum Class {
 }
 
 impl Class {
+    pub(super) const ALL: [Self; 4] = [Self::Pedestrian, Self::Car, Self::Truck, Self::Cyclist];
+
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Pedestrian => "pedestrian",
@@ -60,12 +65,22 @@ impl Class {
         }
     }
 
-    /// True if a KITTI type is of this class; `None` if it is similar enough to be ignored.
+    /// KITTI's type of the class.
+    pub(super) fn kind(self) -> &'static str {
+        match self {
+            Self::Pedestrian => "Pedestrian",
+            Self::Car => "Car",
+            Self::Truck => "Truck",
+            Self::Cyclist => "Cyclist",
+        }
+    }
+
+    /// True if a type (KITTI's, or `Bus`) is of this class; `None` if it is similar enough to be ignored.
     pub(super) fn is(self, kind: &str) -> Option<bool> {
         let (own, near): (&[&str], &[&str]) = match self {
             Self::Pedestrian => (&["Pedestrian"], &["Cyclist", "Person_sitting", "Misc"]),
-            Self::Car => (&["Car", "Van"], &["Truck"]),
-            Self::Truck => (&["Truck"], &["Van"]),
+            Self::Car => (&["Car", "Van"], &["Truck", "Bus"]),
+            Self::Truck => (&["Truck"], &["Van", "Bus"]),
             Self::Cyclist => (&["Cyclist"], &["Pedestrian", "Misc"]),
         };
         if own.contains(&kind) {
@@ -88,8 +103,12 @@ pub(super) struct Learning {
     pub(super) method: Method,
     /// Numbers of negative windows: added by one image in a round, and kept in total.
     pub(super) negatives: [usize; 2],
-    /// Maximum distance of objects that are learnt and counted, metres.
+    /// Maximum distance of objects that are learnt and counted, metres; labels without a distance are within it.
+    #[serde(default = "unlimited")]
     pub(super) within_m: f64,
+    /// Minimum height of objects that are learnt and counted, pixels.
+    #[serde(default)]
+    pub(super) height_min_px: f64,
     /// Intersection over union above which only the box of the highest score in a class is kept.
     pub(super) overlap: f64,
 }
@@ -134,6 +153,30 @@ impl Learning {
             Method::Svm(svm) => svm.rounds,
         }
     }
+
+    fn check(&self, ensure: &mut dyn FnMut(bool, String, &str)) {
+        let learning = self;
+        let within = learning.within_m > 0.0 && learning.within_m <= 1000.0;
+        let within = within || learning.within_m == f64::INFINITY;
+        ensure(within, "learning.within_m".into(), "expected more than 0, at most 1000");
+        let low = (0.0..=4096.0).contains(&learning.height_min_px);
+        ensure(low, "learning.height_min_px".into(), "expected 0 to 4096 pixels");
+        ensure((1..=8).contains(&learning.shrink), "learning.shrink".into(), "expected 1 to 8");
+        match &learning.method {
+            Method::Trees(Growing { depth, one_of, .. }) => {
+                ensure((1..=6).contains(depth), "learning.method.trees.depth".into(), "expected 1 to 6");
+                ensure(*one_of > 0, "learning.method.trees.one_of".into(), "expected at least 1");
+            }
+            Method::Svm(Svm { cost, .. }) => {
+                let is_positive = cost.is_finite() && *cost > 0.0;
+                ensure(is_positive, "learning.method.svm.cost".into(), "expected more than 0");
+            }
+        }
+        ensure(learning.rounds() > 0, "learning.method".into(), "expected at least one round");
+        ensure(learning.negatives[0] > 0, "learning.negatives".into(), "expected more than 0");
+        let is_share = learning.overlap > 0.0 && learning.overlap <= 1.0;
+        ensure(is_share, "learning.overlap".into(), "expected more than 0, at most 1");
+    }
 }
 
 /// Operating point of the detector, a rung of the ladder.
@@ -152,6 +195,10 @@ pub(super) struct Ladder {
     #[serde(default = "one")]
     whole_every: u32,
     tolerance_deg: Option<f64>,
+}
+
+fn unlimited() -> f64 {
+    f64::INFINITY
 }
 
 fn all() -> usize {
@@ -181,7 +228,13 @@ impl Ladder {
 impl Recipe {
     /// Reads and checks a recipe.
     pub(super) fn read(path: &Path) -> anyhow::Result<(Self, String)> {
-        read(path, Self::problems)
+        let (recipe, text) = read(path, Self::problems)?;
+        Ok((Self { path: path.to_owned(), ..recipe }, text))
+    }
+
+    /// Error at a key of this recipe.
+    pub(super) fn error_at(&self, key: &str, error: &anyhow::Error) -> anyhow::Error {
+        error_at(&self.path, key, error)
     }
 
     fn problems(&self, document: &Document) -> Vec<Problem> {
@@ -192,12 +245,19 @@ impl Recipe {
             }
         };
         check(
-            &self.camera,
+            self.camera.as_ref(),
             &self.set,
             &[Purpose::Training, Purpose::Calibration, Purpose::Test],
             &mut ensure,
         );
         ensure(!self.window.is_empty(), "window".into(), "expected at least one");
+        self.check_windows(&mut ensure);
+        self.learning.check(&mut ensure);
+        self.check_rungs(&mut ensure);
+        problems
+    }
+
+    fn check_windows(&self, ensure: &mut dyn FnMut(bool, String, &str)) {
         for (k, window) in self.window.iter().enumerate() {
             let room = |side: usize| {
                 window.cells[side] as f64 * self.learning.shrink as f64 >= window.object_px[side]
@@ -223,24 +283,9 @@ impl Recipe {
             );
             ensure(window.occluded_max <= 2, format!("window[{k}].occluded_max"), "expected 0 to 2");
         }
-        let learning = &self.learning;
-        let within = learning.within_m > 0.0 && learning.within_m <= 1000.0;
-        ensure(within, "learning.within_m".into(), "expected more than 0, at most 1000");
-        ensure((1..=8).contains(&learning.shrink), "learning.shrink".into(), "expected 1 to 8");
-        match &learning.method {
-            Method::Trees(Growing { depth, one_of, .. }) => {
-                ensure((1..=6).contains(depth), "learning.method.trees.depth".into(), "expected 1 to 6");
-                ensure(*one_of > 0, "learning.method.trees.one_of".into(), "expected at least 1");
-            }
-            Method::Svm(Svm { cost, .. }) => {
-                let is_positive = cost.is_finite() && *cost > 0.0;
-                ensure(is_positive, "learning.method.svm.cost".into(), "expected more than 0");
-            }
-        }
-        ensure(learning.rounds() > 0, "learning.method".into(), "expected at least one round");
-        ensure(learning.negatives[0] > 0, "learning.negatives".into(), "expected more than 0");
-        let is_share = learning.overlap > 0.0 && learning.overlap <= 1.0;
-        ensure(is_share, "learning.overlap".into(), "expected more than 0, at most 1");
+    }
+
+    fn check_rungs(&self, ensure: &mut dyn FnMut(bool, String, &str)) {
         ensure(!self.rung.is_empty(), "rung".into(), "expected at least one");
         for (k, rung) in self.rung.iter().enumerate() {
             let known = (-1..=1).contains(&rung.first_octave) && (1..=32).contains(&rung.per_octave);
@@ -252,7 +297,9 @@ impl Recipe {
             ensure(rung.reject.is_finite(), format!("rung[{k}].reject"), "expected a finite number");
             let tolerance = rung.tolerance_deg.is_none_or(|deg| (0.0..=45.0).contains(&deg));
             ensure(tolerance, format!("rung[{k}].tolerance_deg"), "expected 0 to 45");
+            let seen = rung.tolerance_deg.is_none() || self.camera.is_some();
+            let expected = "expected the table `[camera]`: the rung uses the ground";
+            ensure(seen, format!("rung[{k}].tolerance_deg"), expected);
         }
-        problems
     }
 }

@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 use swerve_eval::{AveragePrecision, Found, Recalls};
 use swerve_geom::math;
-use swerve_vision::acf::{Calibration, Detection, Ground, Rung, Scanner, Weights, iou};
+use swerve_vision::acf::{Calibration, Detection, Rung, Weights, iou};
 
 use super::labelled::Labelled;
-use super::recipe::{Class, Recipe};
+use super::recipe::{Class, Learning, Recipe};
+use super::scanners::Scanners;
 
 /// Minimum overlap of boxes of the same object.
 const OVERLAP: f64 = 0.5;
@@ -17,20 +18,14 @@ pub(super) fn detect(
     weights: &Weights,
     rung: &Rung,
     images: &[Labelled],
-) -> Vec<Vec<Detection>> {
-    let camera = &recipe.camera;
-    let ground = Ground {
-        horizon_px: 0.5 * f64::from(camera.height_px),
-        focal_px: camera.focal_px(),
-        height_m: camera.height_m,
-    };
-    let size = [camera.width_px, camera.height_px].map(|px| px as usize);
-    let scanner = Scanner::new(weights.clone(), rung.clone(), size, Some(ground));
-    let look = |scanner: &mut Scanner, image: &Labelled| {
+) -> anyhow::Result<Vec<Vec<Detection>>> {
+    let scanners = Scanners::new(weights.clone(), rung.clone(), recipe.camera.as_ref());
+    let look = |scanners: &mut Scanners, image: &Labelled| {
         let mut found = Vec::new();
-        scanner.detect(image.rgb(), &mut found).map(|()| found).unwrap_or_default()
+        scanners.of(image.size()).detect(image.picture()?.rgb()?, &mut found)?;
+        Ok(found)
     };
-    images.par_iter().map_init(|| scanner.clone(), look).collect()
+    images.par_iter().map_init(|| scanners.clone(), look).collect()
 }
 
 /// Average precision of a class at an overlap of 0.5 over COCO's recalls, and the number of objects.
@@ -38,13 +33,14 @@ pub(super) fn average_precision(
     found: &[Vec<Detection>],
     images: &[Labelled],
     (index, class): (usize, Class),
-    within_m: f64,
+    learning: &Learning,
 ) -> (Option<f64>, u64) {
     let mut ap = AveragePrecision::new(OVERLAP);
     for (found, image) in found.iter().zip(images) {
-        let (boxes, counts): (Vec<_>, Vec<_>) = image.wanted(class, within_m).into_iter().unzip();
+        let (boxes, counts): (Vec<_>, Vec<_>) = image.wanted(class, learning).into_iter().unzip();
         let found: Vec<&Detection> = found.iter().filter(|one| one.class == index).collect();
-        let scores: Vec<Found> = found.iter().map(|one| Found { score: one.score, counts: true }).collect();
+        let one = |one: &&Detection| Found { score: one.score, counts: !image.is_ignored(class, one.bbox) };
+        let scores: Vec<Found> = found.iter().map(one).collect();
         ap.frame(&scores, &counts, |f, w| iou(found[f].bbox, boxes[w]));
     }
     (ap.value(Recalls::Coco101), ap.wanted())
@@ -55,16 +51,16 @@ pub(super) fn judged(
     found: &[Vec<Detection>],
     images: &[Labelled],
     (index, class): (usize, Class),
-    within_m: f64,
+    learning: &Learning,
 ) -> Vec<(f64, bool)> {
     let mut judged = Vec::new();
     for (found, image) in found.iter().zip(images) {
-        let wanted = image.wanted(class, within_m);
+        let wanted = image.wanted(class, learning);
         for one in found.iter().filter(|one| one.class == index) {
             let near = |counts: bool| {
                 wanted.iter().any(|(bbox, own)| *own == counts && iou(*bbox, one.bbox) >= OVERLAP)
             };
-            if near(true) || !near(false) {
+            if near(true) || !near(false) && !image.is_ignored(class, one.bbox) {
                 judged.push((one.score, near(true)));
             }
         }

@@ -71,7 +71,11 @@ impl Recipe {
                 problems.push(document.problem(&key, what));
             }
         };
-        check(&self.camera, &self.set, &[Purpose::Training, Purpose::Test], &mut ensure);
+        check(Some(&self.camera), &self.set, &[Purpose::Training, Purpose::Test], &mut ensure);
+        for (k, _) in self.set.iter().enumerate().filter(|(_, set)| set.pictures.is_some()) {
+            let expected = "expected `streets`, `seed` and `weather`: only detectors learn from pictures";
+            ensure(false, format!("set[{k}].pictures"), expected);
+        }
         let count = self.class.len();
         ensure((1..CLASSES).contains(&count), "class".into(), &format!("expected 1 to {}", CLASSES - 1));
         for (k, class) in self.class.iter().enumerate() {

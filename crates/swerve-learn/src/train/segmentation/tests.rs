@@ -28,6 +28,11 @@ fn wrong_recipes_are_reported_with_their_line() {
         ("cells = 40", "cells = 0", "learning.cells: expected 1 to 10000"),
         ("trees = 8", "trees = 80", "learning.trees: expected 1 to 16"),
         ("power =", "powre =", "did you mean `power`?"),
+        (
+            "seed = 77",
+            "pictures = { folder = \"a\", format = \"kitti\" }",
+            "pictures: expected `streets`, `seed` and `weather`: only detectors learn from pictures",
+        ),
         ("streets = [900, 903]", "streets = [3, 5]", "streets that are not both trained on and held out"),
     ] {
         let text = changed(&[(from, to)]);
