@@ -98,8 +98,8 @@ pub struct LidarObjects {
     places: Vec<Point>,
     over_m: Vec<f32>,
     skyline: Skyline,
-    /// Rectangle of each cluster.
-    fits: Vec<Fit>,
+    /// Rectangle of each cluster, and true where a nearer object hides its left and its right end.
+    fits: Vec<(Fit, [bool; 2])>,
     candidates: Vec<Candidate>,
     footprints: Vec<Obb<Ego>>,
 }
@@ -165,15 +165,18 @@ impl LidarObjects {
         let road = Road::new(scan.route, scan.ego.pose);
         let known = out.boxes.len();
         // Coarsest gaps first: wholes before their parts.
-        for (&cluster, fit) in self.clusters.found.iter().zip(&self.fits).rev() {
+        let sensor = scan.ego_from_lidar.origin().coords;
+        let sensor = [sensor.x as f32, sensor.y as f32];
+        for (&cluster, (fit, hidden)) in self.clusters.found.iter().zip(&self.fits).rev() {
             let points = self.clusters.of(cluster);
             let lowest_m = points.iter().map(|point| point[3]).fold(f32::INFINITY, f32::min);
             if lowest_m > UNKNOWN_LOWEST_M {
                 continue;
             }
-            let found = unknown(fit, cluster, points.len());
-            let is_on_road =
-                road.at(found.pose.point()).is_some_and(|(_, beyond_m)| beyond_m < -UNKNOWN_WITHIN_M);
+            let [x, y] = middle(fit.turn, fit.ends).map(f64::from);
+            let Some((lane_rad, beyond_m)) = road.at(Point2::new(x, y)) else { continue };
+            let is_on_road = beyond_m < -UNKNOWN_WITHIN_M;
+            let found = unknown(&whole(fit, lane_rad as f32, (sensor, *hidden)), cluster, points.len());
             let Extent { length_m, width_m, .. } = found.extent;
             let footprint = Obb::new(found.pose, length_m, width_m);
             // Within the errors of a box of a class, a cluster is a part of its object.
@@ -213,8 +216,8 @@ impl LidarObjects {
             let [x, y, ..] = points[0].map(f64::from);
             let lane = road.at(Point2::new(x, y)).map(|(heading, beyond)| (heading as f32, beyond as f32));
             let fit = fit(points, lane.map(|(heading, _)| heading));
-            self.fits.push(fit);
             let hidden = self.skyline.hides(points);
+            self.fits.push((fit, hidden));
             for (k, class) in CLASSES.iter().enumerate() {
                 if cluster.top_m < class.top_m[0] || cluster.top_m > class.top_m[1] {
                     continue;
@@ -264,21 +267,36 @@ const UNKNOWN_POINTS: f64 = 12.0;
 /// Smallest side of an object of no class, metres.
 const UNKNOWN_SIDE_M: f64 = 0.3;
 
-/// Box of a cluster of no class: its visible part.
-fn unknown(fit: &Fit, cluster: Cluster, points: usize) -> DetectedBox {
-    let middle = middle(fit.turn, fit.ends);
+/// Visible length from which on a partly hidden cluster of no class may be a part of a car, metres.
+const PART_M: f32 = 0.8;
+
+/// Rectangle of a cluster of no class: its visible part; or a car along the lane, if a nearer object hides one end.
+fn whole(fit: &Fit, lane_rad: f32, (sensor, hidden): ([f32; 2], [bool; 2])) -> Rectangle {
     let size_m = fit.ends.map(|[low, high]| high - low);
-    let rectangle =
-        Rectangle { middle, turn: fit.turn, heading_rad: fit.heading_rad, size_m, seen_m: size_m };
-    let [length_m, width_m] = size_m.map(|m| f64::from(m).max(UNKNOWN_SIDE_M));
-    let [x, y] = middle.map(f64::from);
+    let off_rad = fit.heading_rad - lane_rad;
+    let is_across = libm::sinf(off_rad).abs() > libm::cosf(off_rad).abs();
+    let is_part = hidden[0] != hidden[1] && size_m[0].max(size_m[1]) > PART_M;
+    let car = is_part.then(|| complete(fit, &CLASSES[0], is_across, (sensor, hidden))).flatten();
+    car.unwrap_or(Rectangle {
+        middle: middle(fit.turn, fit.ends),
+        turn: fit.turn,
+        heading_rad: fit.heading_rad,
+        size_m,
+        seen_m: size_m,
+    })
+}
+
+/// Box of a cluster of no class.
+fn unknown(rectangle: &Rectangle, cluster: Cluster, points: usize) -> DetectedBox {
+    let [length_m, width_m] = rectangle.size_m.map(|m| f64::from(m).max(UNKNOWN_SIDE_M));
+    let [x, y] = rectangle.middle.map(f64::from);
     DetectedBox {
         score: 1.0 - math::exp(-(points as f64) / UNKNOWN_POINTS),
         covariance_m2: Some(rectangle.covariance_m2(&CLASSES[0])),
         ..DetectedBox::on_ground(
             ActorKind::Static,
             0.0,
-            Pose2::new(x, y, f64::from(fit.heading_rad)),
+            Pose2::new(x, y, f64::from(rectangle.heading_rad)),
             Extent { length_m, width_m, height_m: f64::from(cluster.top_m) },
         )
     }

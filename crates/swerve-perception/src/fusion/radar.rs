@@ -36,6 +36,9 @@ const CAR_M: [f64; 2] = [4.4, 1.8];
 /// Difference of radial speeds up to which echoes may come from one object, m/s.
 const ALIKE_MPS: f64 = 1.0;
 
+/// Share of the doubt about an object that an echo of it removes if it moves: clutter stands.
+const MOVING_SHARE: f64 = 0.5;
+
 /// Radial speed above which an object moves, m/s: several standard deviations of an echo's.
 const MOVES_MPS: f64 = 1.5;
 
@@ -109,6 +112,9 @@ impl Echo {
         object.found.radial_speed_mps = Some(self.speed_mps);
         let (bearing_rad, _) = polar(object.found.pose.point() - radar.point());
         let Pose2 { heading_rad, .. } = object.found.pose;
+        if self.speed_mps.abs() > MOVES_MPS {
+            object.found.score += MOVING_SHARE * (1.0 - object.found.score);
+        }
         // An object of no class that moves is no static one, but a vehicle of which this is the visible part.
         if object.found.kind == ActorKind::Static && self.speed_mps.abs() > MOVES_MPS {
             let seen_m = half_along_m(object.found.extent, heading_rad - bearing_rad);

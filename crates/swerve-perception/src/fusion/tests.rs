@@ -210,19 +210,17 @@ fn fusion_takes_the_speed_over_ground_from_the_radar() {
 
 #[test]
 fn static_object_that_moves_is_a_vehicle() {
-    let lidar = list(0, vec![found(ActorKind::Static, 40.0, 3.0, 0.9)]);
+    let extent = Extent { length_m: 0.6, width_m: 0.4, height_m: 0.8 };
+    let lidar = list(0, vec![DetectedBox { extent, ..found(ActorKind::Static, 40.0, 3.0, 0.8) }]);
     let kind = |speed_mps| {
         let scan =
             RadarScan { stamp: Time::ZERO, detections: vec![echo([40.0, 3.0], [speed_mps, 0.0], 20.0)] };
         let sources =
             Sources { lidar: Some(by_lidar(&lidar)), radar: Some(echoes(&scan)), ..Sources::default() };
         let found = fused(&sources)[0];
-        (found.kind, found.extent.length_m)
+        (found.kind, found.extent.length_m, found.score)
     };
-    assert_eq!(
-        [-5.0, 0.5].map(kind),
-        [(ActorKind::Car, 4.4), (ActorKind::Static, lidar.boxes[0].extent.length_m)]
-    );
+    assert_eq!([-5.0, 0.5].map(kind), [(ActorKind::Car, 4.4, 0.9), (ActorKind::Static, 0.6, 0.8)]);
 }
 
 #[test]

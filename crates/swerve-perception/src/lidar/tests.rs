@@ -148,6 +148,23 @@ fn objects_of_no_class_are_static_if_they_are_on_the_road() {
 }
 
 #[test]
+fn hidden_part_of_an_object_of_no_class_is_behind_what_hides_it() {
+    // The nose of a car that turns into the lane from in front of a truck, in the points of few beams.
+    let (cos, sin) = (libm::cosf(0.4), libm::sinf(0.4));
+    let nose: Vec<[f32; 4]> =
+        (0..13).map(|k| 0.1 * k as f32).map(|m| [20.0 + m * cos, -2.9 + m * sin, 0.6, 0.6]).collect();
+    let fit = fit(&nose, Some(0.0));
+    let of = |hidden| whole(&fit, 0.0, ([1.4, 0.0], hidden));
+    let visible = of([false, false]);
+    assert!((visible.size_m[0].max(visible.size_m[1]) - 1.2).abs() < 0.1, "{visible:?}");
+    let car = of([false, true]);
+    let front = [car.middle[0] + 2.2 * cos, car.middle[1] + 2.2 * sin];
+    // The nose ends at 21.1, -2.4; the middle of the front is 0.9 m to the right of it.
+    let off = libm::hypotf(front[0] - 21.1 - 0.9 * sin, front[1] + 2.43 + 0.9 * cos);
+    assert!(off < 0.15 && car.size_m == [4.4, 1.8], "{off} {car:?}");
+}
+
+#[test]
 fn part_of_a_vehicle_is_no_object_of_its_own() {
     // A bumper a metre in front of the cab, whose far end is hidden.
     let cloud = turn_over(&[[30.9, 0.0, 1.3, 5.0, 2.4, 2.4], [27.2, 0.0, 0.4, 0.3, 2.3, 0.6]], 0.0, 0.0);
