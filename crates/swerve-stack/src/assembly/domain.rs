@@ -21,7 +21,9 @@ impl Setup {
             let doubt = placed.kind.domain(&settings)?.doubt(settings.setup.render.weather)?;
             let remedy = match (finds(placed), has_lidar) {
                 (true, true) => "the lidar does not depend on the camera: objects rest on it",
-                (true, false) => "a lidar does not depend on the camera: `-c configs/fused_objects.toml` adds one",
+                (true, false) => {
+                    "a lidar does not depend on the camera: `-c configs/fused_objects.toml` adds one"
+                }
                 (false, _) => "docs/seeing.md lists the weathers of the domain",
             };
             Some(format!("operator.{}: {doubt}; {remedy}", placed.name))
