@@ -15,10 +15,14 @@ const BELOW: [f64; 2] = [0.73, 0.88];
 const ACROSS: [f64; 2] = [0.32, 0.68];
 /// Smallest whiteness of all parts of a bar, and in excess of the red field; a word has gaps.
 const BAR_MIN: [f64; 2] = [0.62, 0.4];
-/// Smallest whiteness of the inner and of the outer letters in excess of the red field; a T has little white. The glow of a
-/// red lamp decreases to all sides, so that its outer columns are no whiter than what is above it.
-const LETTER_MIN: [f64; 2] = [0.08, 0.2];
-/// The same on a clean sign: of the outer letters, and of a bar.
+/// Smallest whiteness of the inner letters in excess of the red field; a T has little white.
+const INNER_MIN: f64 = 0.08;
+/// Smallest whiteness of the outer letters in excess of the red field, relative to that of the field, and its range. The glow
+/// of a red lamp decreases to all sides, so that its outer columns are little whiter than what is above it, which is whiter
+/// than paint.
+const OUTER_MIN: f64 = 0.8;
+const OUTER_RANGE: [f64; 2] = [0.12, 0.2];
+/// Excess of whiteness on a clean sign: of the outer letters, and of a bar.
 const CLEAN: [f64; 2] = [0.3, 0.75];
 
 /// Meaning of a red field and its score, 0 to 1; `None` if it is neither a stop nor a no-entry sign.
@@ -32,7 +36,8 @@ pub(super) fn read(image: Rgb<'_>, region: &Region) -> Option<(Meaning, f64)> {
     }
     let [first, second, third, last] = LETTERS.map(|columns| part(columns, WORD) - red);
     let [inner, outer] = [second.min(third), first.min(last)];
-    (inner >= LETTER_MIN[0] && outer >= LETTER_MIN[1]).then(|| (Meaning::Stop, score(outer, CLEAN[0])))
+    let outer_min = (OUTER_MIN * red).clamp(OUTER_RANGE[0], OUTER_RANGE[1]);
+    (inner >= INNER_MIN && outer >= outer_min).then(|| (Meaning::Stop, score(outer, CLEAN[0])))
 }
 
 /// Mean of the smallest over the largest colour value in a part of a region: 1 for white and grey, near 0 for red paint.

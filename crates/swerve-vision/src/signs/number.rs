@@ -14,6 +14,8 @@ const ROWS: usize = 16;
 const DIGIT: f64 = 0.6;
 const WIDTHS: [f64; 4] = [0.34, 0.44, 0.54, 0.64];
 const STROKES: [f64; 3] = [0.06, 0.09, 0.12];
+/// Width of the foot of a 1, in units of strokes.
+const FOOT: f64 = 0.5;
 /// Gaps between digits, as shares of the digit height.
 const GAPS: [f64; 2] = [0.1, 0.2];
 /// Number of points of a digit's arcs.
@@ -40,9 +42,13 @@ struct Drawing {
 static DRAWINGS: LazyLock<Vec<Drawing>> = LazyLock::new(|| {
     let mut drawings = Vec::new();
     for number in (1..=13).map(|tens| 10 * tens) {
-        for width in WIDTHS {
-            for gap in GAPS {
-                drawings.extend(STROKES.map(|half| Drawing::new(number, [width, gap], half)));
+        // A footed 1 before a single digit resembles a blurred 2.
+        let feet: &[bool] = if number >= 100 { &[false, true] } else { &[false] };
+        for foot in feet.iter().copied() {
+            for width in WIDTHS {
+                for gap in GAPS {
+                    drawings.extend(STROKES.map(|half| Drawing::new(number, foot, [width, gap], half)));
+                }
             }
         }
     }
@@ -178,18 +184,24 @@ fn normalised(mut patch: Patch) -> Option<Patch> {
 }
 
 impl Drawing {
-    /// Drawing of a number with digits of this width, gap and half stroke width, as shares of the digit height.
-    fn new(number: u8, [digit_width, gap]: [f64; 2], half_stroke: f64) -> Self {
+    /// Drawing of a number with digits of this width, gap and half stroke width, as shares of the digit height; a 1 with or
+    /// without a foot.
+    fn new(number: u8, foot: bool, [digit_width, gap]: [f64; 2], half_stroke: f64) -> Self {
         let digits: Vec<u8> = number.to_string().bytes().map(|letter| letter - b'0').collect();
         let mut lines: Vec<[[f64; 2]; 2]> = Vec::new();
         let mut x = 0.0;
         for digit in digits {
-            let strokes = strokes(digit);
+            let strokes = if foot && digit == 1 { footed_one() } else { strokes(digit) };
             for stroke in &strokes {
                 let at = |[u, v]: [f64; 2]| [x + u * digit_width / DIGIT, v];
                 lines.extend(stroke.windows(2).map(|ends| [ends[0], ends[1]].map(at)));
             }
-            x += gap + if digit == 1 { 0.5 * digit_width } else { digit_width };
+            let share = match (digit, foot) {
+                (1, false) => 0.5,
+                (1, true) => FOOT / DIGIT,
+                _ => 1.0,
+            };
+            x += gap + share * digit_width;
         }
         let width = x - gap;
         let ink = |x: f64, y: f64| {
@@ -269,6 +281,12 @@ fn strokes(digit: u8) -> Vec<Vec<[f64; 2]>> {
         8 => vec![round([0.3, 0.24], [0.25, 0.24]), round([0.3, 0.74], [0.3, 0.26])],
         _ => vec![six.map(|[x, y]| [DIGIT - x, 1.0 - y]).to_vec()],
     }
+}
+
+/// Strokes of a 1 with a serif at its foot.
+fn footed_one() -> Vec<Vec<[f64; 2]>> {
+    let middle = 0.5 * FOOT;
+    vec![vec![[0.0, 0.14], [middle, 0.0], [middle, 1.0]], vec![[0.0, 1.0], [FOOT, 1.0]]]
 }
 
 /// Distance from a point to a line segment.
