@@ -283,8 +283,11 @@ impl<'a> Measured<'a> {
     }
 
     /// Shift of the centre of a vehicle when its size changes while its faces towards the ego stay: detectors measure
-    /// these, and suppose the rest by class.
+    /// these, and suppose the rest by class. Zero for boxes without a covariance, whose centre has the error.
     fn shift(&self, from: Extent, to: Extent) -> Column2<f64> {
+        if self.found.covariance_m2.is_none() {
+            return Column2::zeros();
+        }
         let (sin, cos) = math::sin_cos(self.heading_rad);
         let ego = self.ego - self.at;
         let side = |axis: Column2<f64>, from_m: f64, to_m: f64| {

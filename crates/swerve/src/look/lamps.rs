@@ -34,12 +34,8 @@ pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
         if args.json {
             output::print(&(serde_json::to_string(&seen)? + "\n"))?;
         } else {
-            rows.push(vec![
-                seen.image,
-                lamp.unwrap_or("-").to_owned(),
-                format!("{share:.3}"),
-                format!("{probability:.3}"),
-            ]);
+            let numbers = [share, probability].map(|value| format!("{value:.3}"));
+            rows.push([seen.image, lamp.unwrap_or("-").to_owned()].into_iter().chain(numbers).collect());
         }
     }
     if args.json { Ok(()) } else { output::print(&output::align(&rows)) }

@@ -3,28 +3,7 @@ use swerve_pylot::posed::ProblemFile;
 use super::*;
 
 /// Three problems: a straight road with a box in the lane, a gap between two boxes, a turn.
-const FILE: &str = r#"{
-"meta": "passed over",
-"configs": {
-  "fot": {"fast": {"max_speed": 35.0, "max_accel": 10.0, "max_curvature": 4.0, "max_road_width_l": 6.0,
-    "max_road_width_r": 1.0, "d_road_w": 0.5, "dt": 0.3, "maxt": 5.0, "mint": 2.0, "d_t_s": 0.25,
-    "n_s_sample": 2.0, "obstacle_clearance": 0.5, "kd": 1.0, "kv": 0.1, "ka": 0.1, "kj": 0.01, "kt": 0.01,
-    "ko": 100.0, "klat": 1.0, "klon": 1.0}},
-  "rrt_star": {"fast": {"step_size": 0.5, "max_iterations": 2000, "end_dist_threshold": 2.0,
-    "obstacle_clearance": 1.5, "lane_width": 5.0}},
-  "hybrid_astar": {"fast": {"step_size": 3.0, "max_iterations": 500, "completion_threshold": 1.0,
-    "angle_completion_threshold": 100.0, "rad_step": 0.75, "rad_upper_range": 4.0, "rad_lower_range": 4.0,
-    "obstacle_clearance": 0.5, "lane_width": 6.0, "radius": 6.0, "car_length": 4.8, "car_width": 1.8}}
-},
-"problems": {
-  "fot": [{"id": "box ahead", "waypoints": [[0, 0], [40, 0], [120, 0]], "obstacles": [[28, -0.5, 29, 0.5]],
-    "pos": [0, 0], "vel": [14, 0], "target_speed": 14},
-    {"id": "walled in", "waypoints": [[0, 0], [40, 0], [120, 0]], "obstacles": [[12, -20, 13, 20]],
-    "pos": [0, 0], "vel": [14, 0], "target_speed": 14}],
-  "rrt_star": [{"id": "gap", "start": [0, 0], "goal": [40, 0],
-    "obstacles": [[18, -1.0, 20, 1.5], [26, -9, 27, -2.5]]}],
-  "hybrid_astar": [{"id": "side <step>", "start": [0, 0, 0], "goal": [35, 2, 0], "obstacles": [[15, -3, 19, 0.2]]}]
-}}"#;
+const FILE: &str = include_str!("problems.json");
 
 fn solutions(planner: PosedPlanner, preset: Preset) -> (ProblemFile, Vec<Solution>) {
     let file = serde_json::from_str(FILE).unwrap();
