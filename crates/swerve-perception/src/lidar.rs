@@ -165,8 +165,6 @@ impl LidarObjects {
         let road = Road::new(scan.route, scan.ego.pose);
         let known = out.boxes.len();
         // Coarsest gaps first: wholes before their parts.
-        let sensor = scan.ego_from_lidar.origin().coords;
-        let sensor = [sensor.x as f32, sensor.y as f32];
         for (&cluster, (fit, hidden)) in self.clusters.found.iter().zip(&self.fits).rev() {
             let points = self.clusters.of(cluster);
             let lowest_m = points.iter().map(|point| point[3]).fold(f32::INFINITY, f32::min);
@@ -175,8 +173,11 @@ impl LidarObjects {
             }
             let [x, y] = middle(fit.turn, fit.ends).map(f64::from);
             let Some((lane_rad, beyond_m)) = road.at(Point2::new(x, y)) else { continue };
-            let is_on_road = beyond_m < -UNKNOWN_WITHIN_M;
-            let found = unknown(&whole(fit, lane_rad as f32, (sensor, *hidden)), cluster, points.len());
+            if beyond_m >= -UNKNOWN_WITHIN_M {
+                continue;
+            }
+            let rectangle = whole(fit, lane_rad as f32, (self.skyline.sensor(), *hidden));
+            let found = unknown(&rectangle, cluster, points.len());
             let Extent { length_m, width_m, .. } = found.extent;
             let footprint = Obb::new(found.pose, length_m, width_m);
             // Within the errors of a box of a class, a cluster is a part of its object.
@@ -187,8 +188,7 @@ impl LidarObjects {
             };
             let is_near =
                 |k: usize, other: &Obb<Ego>| other.grown(margin_m(k).unwrap_or(0.0)).overlaps(&footprint);
-            if is_on_road
-                && found.score >= self.params.score_min
+            if found.score >= self.params.score_min
                 && !self.footprints.iter().enumerate().any(|(k, other)| is_near(k, other))
             {
                 self.footprints.push(footprint);

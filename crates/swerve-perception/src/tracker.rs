@@ -224,7 +224,7 @@ impl Tracker {
         let confirmed = self.tracks.iter().filter(|track| track.is_confirmed);
         TrackList {
             stamp: self.newest.unwrap_or_default(),
-            tracks: confirmed.map(|track| track.told(self.params.velocity_doubt)).collect(),
+            tracks: confirmed.map(|track| track.reported(self.params.velocity_doubt)).collect(),
         }
     }
 }
@@ -283,9 +283,10 @@ impl<'a> Measured<'a> {
     }
 
     /// Shift of the centre of a vehicle when its size changes while its faces towards the ego stay: detectors measure
-    /// these, and suppose the rest by class. Zero for boxes without a covariance, whose centre has the error.
+    /// these, and suppose the rest by class. Zero for other objects, and for boxes without a covariance, whose centre
+    /// has the error.
     fn shift(&self, from: Extent, to: Extent) -> Column2<f64> {
-        if self.found.covariance_m2.is_none() {
+        if Group::of(self.found.kind) != Group::Vehicle || self.found.covariance_m2.is_none() {
             return Column2::zeros();
         }
         let (sin, cos) = math::sin_cos(self.heading_rad);
@@ -333,10 +334,7 @@ impl Followed {
 
     /// Centre of a body of the track's size at the place of a box.
     fn centre(&self, measured: &Measured<'_>) -> Column2<f64> {
-        match Group::of(self.kind) {
-            Group::Vehicle => measured.at + measured.shift(measured.found.extent, self.extent),
-            Group::Person | Group::Fixed => measured.at,
-        }
+        measured.at + measured.shift(measured.found.extent, self.extent)
     }
 
     /// True if a newer track with an overlapping outline is one of the same object: two bodies do not share most of their
@@ -409,8 +407,8 @@ impl Followed {
             width_m: mix(self.extent.width_m, found.extent.width_m),
             height_m: mix(self.extent.height_m, found.extent.height_m),
         };
-        if Group::of(self.kind) == Group::Vehicle {
-            let by = measured.shift(self.extent, extent);
+        let by = measured.shift(self.extent, extent);
+        if by != Column2::zeros() {
             self.filter.shift(by);
             if let Some(strayed) = &mut self.strayed {
                 strayed.before.shift(by);
@@ -430,7 +428,7 @@ impl Followed {
     }
 
     /// The track as reported. What doubt takes from the velocity, it takes from the history too.
-    fn told(&self, doubt: f64) -> Track {
+    fn reported(&self, doubt: f64) -> Track {
         let (x_m, y_m, velocity_mps) = self.filter.state();
         let velocity_mps = Vector2::new(velocity_mps[0], velocity_mps[1]);
         let sure_mps = self.filter.sure_mps(doubt);

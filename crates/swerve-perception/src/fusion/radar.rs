@@ -69,7 +69,7 @@ impl Echoes<'_> {
         for (object, echoes) in objects.iter_mut().zip(own) {
             let strongest = echoes.iter().max_by(|a, b| a.snr_db.total_cmp(&b.snr_db));
             if let Some(strongest) = strongest {
-                strongest.tell(object, &echoes, radar, params);
+                strongest.apply_to(object, &echoes, radar, params);
             }
         }
     }
@@ -108,23 +108,15 @@ impl Echo {
 
     /// Gives the object its speed and, if its distance is a guess, the distance of the nearest of the echoes within its
     /// length that move alike: the strongest may come from its far end.
-    fn tell(&self, object: &mut Object, own: &[Self], radar: Pose2<Ego>, params: &Params) {
+    fn apply_to(&self, object: &mut Object, own: &[Self], radar: Pose2<Ego>, params: &Params) {
         object.found.radial_speed_mps = Some(self.speed_mps);
         let (bearing_rad, _) = polar(object.found.pose.point() - radar.point());
         let Pose2 { heading_rad, .. } = object.found.pose;
         if self.speed_mps.abs() > MOVES_MPS {
             object.found.score += MOVING_SHARE * (1.0 - object.found.score);
-        }
-        // An object of no class that moves is no static one, but a vehicle of which this is the visible part.
-        if object.found.kind == ActorKind::Static && self.speed_mps.abs() > MOVES_MPS {
-            let seen_m = half_along_m(object.found.extent, heading_rad - bearing_rad);
-            object.found.kind = ActorKind::Car;
-            object.found.extent.length_m = object.found.extent.length_m.max(CAR_M[0]);
-            object.found.extent.width_m = object.found.extent.width_m.max(CAR_M[1]);
-            let hidden_m = half_along_m(object.found.extent, heading_rad - bearing_rad) - seen_m;
-            let at: Point2<Ego> = object.found.pose.point() + Vector2::from_heading(bearing_rad) * hidden_m;
-            object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
-            object.spread = object.spread.grown(SIZE_SHARE * hidden_m);
+            if object.found.kind == ActorKind::Static {
+                complete(object, bearing_rad);
+            }
         }
         if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
             return;
@@ -143,6 +135,19 @@ impl Echo {
         object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
         object.spread = Spread::along(bearing_rad, params.radar_noise_m + SIZE_SHARE * half_m, across_m);
     }
+}
+
+/// Makes a moving object of no class a vehicle, of which it is the visible part.
+fn complete(object: &mut Object, bearing_rad: f64) {
+    let Pose2 { heading_rad, .. } = object.found.pose;
+    let seen_m = half_along_m(object.found.extent, heading_rad - bearing_rad);
+    object.found.kind = ActorKind::Car;
+    object.found.extent.length_m = object.found.extent.length_m.max(CAR_M[0]);
+    object.found.extent.width_m = object.found.extent.width_m.max(CAR_M[1]);
+    let hidden_m = half_along_m(object.found.extent, heading_rad - bearing_rad) - seen_m;
+    let at: Point2<Ego> = object.found.pose.point() + Vector2::from_heading(bearing_rad) * hidden_m;
+    object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
+    object.spread = object.spread.grown(SIZE_SHARE * hidden_m);
 }
 
 /// Half of the larger projection of an outline's sides on a line of sight at this angle from its heading, metres.

@@ -38,6 +38,11 @@ impl Skyline {
         }
     }
 
+    /// Place of the sensor of the sweep.
+    pub(super) fn sensor(&self) -> [f32; 2] {
+        self.sensor
+    }
+
     /// True where the left and the right end of a cluster, as seen from the sensor, are at a nearer object.
     pub(super) fn hides(&self, points: &[[f32; 4]]) -> [bool; 2] {
         let Some(&[x, y, ..]) = points.first() else { return [false; 2] };
