@@ -147,15 +147,27 @@ fn pair(
             // Image overlap outweighs distance.
             let weight = match (seen.found.image_px, pictures[m]) {
                 (Some(a), Some(b)) => {
-                    Some(image_iou(a, b)).filter(|iou| *iou >= params.iou_min).map(|iou| 1.0 + iou)
+                    let iou = Some(image_iou(a, b)).filter(|iou| *iou >= params.iou_min);
+                    iou.filter(|_| is_alike(seen, measured)).map(|iou| 1.0 + iou)
                 }
                 (Some(_), None) => None,
-                (None, _) => seen.distance(measured).filter(|d| *d < GATE).map(|d| 1.0 - d / GATE),
+                (None, _) => near(seen, measured).map(|d| 1.0 - d / GATE),
             };
             alike.extend(weight.map(|weight| (s, m, weight)));
         }
     }
     heaviest_pairs(seen.len(), measured.len(), &alike)
+}
+
+/// Squared Mahalanobis distance within the gate.
+fn near(seen: &Object, measured: &Object) -> Option<f64> {
+    seen.distance(measured).filter(|d| *d < GATE)
+}
+
+/// True unless one is a person far from the vehicle that the other is: a camera may find people in the corners of a
+/// truck that covers half of the image.
+fn is_alike(seen: &Object, measured: &Object) -> bool {
+    !(seen.found.kind.is_person() && measured.is_vehicle()) || near(seen, measured).is_some()
 }
 
 /// Merges a camera and a lidar object: class and image box of the camera, position and size of the lidar; the score is

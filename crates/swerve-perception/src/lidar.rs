@@ -69,6 +69,8 @@ impl Params {
 pub struct Candidate {
     /// Box without a score.
     pub found: DetectedBox,
+    /// Centre of its visible part.
+    seen: Point2<Ego>,
     /// Features of the score.
     pub features: [f32; FEATURES],
     /// Index of its class.
@@ -149,14 +151,7 @@ impl LidarObjects {
         out.stamp = scan.cloud.stamp;
         out.boxes.clear();
         footprints.clear();
-        for Candidate { found, .. } in candidates.iter() {
-            let Extent { length_m, width_m, .. } = found.extent;
-            let footprint = Obb::new(found.pose, length_m, width_m).grown(-OVERLAP_M);
-            if !footprints.iter().any(|other| other.overlaps(&footprint)) {
-                footprints.push(footprint);
-                out.boxes.push(*found);
-            }
-        }
+        keep_disjoint(candidates, footprints, &mut out.boxes);
         self.add_unknown(scan, out);
     }
 
@@ -231,7 +226,8 @@ impl LidarObjects {
                     let seen = FittedCluster { clusters: &self.clusters, cluster, fit, sensor, lane };
                     let features = seen.features(&rectangle);
                     let found = boxed(&rectangle, class, cluster, lane);
-                    self.candidates.push(Candidate { found, features, class: k });
+                    let [x, y] = middle(fit.turn, fit.ends).map(f64::from);
+                    self.candidates.push(Candidate { found, seen: Point2::new(x, y), features, class: k });
                 }
             }
         }
@@ -244,6 +240,21 @@ impl LidarObjects {
         self.ground.heights(&self.places, &mut self.over_m);
         self.clusters.find(&self.places, &self.over_m);
         self.clusters.found.len()
+    }
+}
+
+/// Adds the boxes, the surest first, that share no ground with a surer one and are no part of it: the rear of a truck is
+/// no vehicle of its own, to whichever side it was completed.
+fn keep_disjoint(candidates: &[Candidate], footprints: &mut Vec<Obb<Ego>>, boxes: &mut Vec<DetectedBox>) {
+    for Candidate { found, seen, .. } in candidates {
+        let Extent { length_m, width_m, .. } = found.extent;
+        let footprint = Obb::new(found.pose, length_m, width_m).grown(-OVERLAP_M);
+        let is_part =
+            |other: &Obb<Ego>| !found.kind.is_person() && other.grown(2.0 * OVERLAP_M).contains(*seen);
+        if !footprints.iter().any(|other| other.overlaps(&footprint) || is_part(other)) {
+            footprints.push(footprint);
+            boxes.push(*found);
+        }
     }
 }
 

@@ -59,6 +59,12 @@ impl Group {
     }
 }
 
+/// Speed above which a vehicle moves, m/s: several standard deviations of an echo's.
+const MOVES_MPS: f64 = 1.5;
+/// Standard deviation of the velocity of a vehicle across the axis of its first box, m/s: it changes lanes, or the box
+/// is askew.
+const ACROSS_MPS: f64 = 3.0;
+
 /// State of one track.
 #[derive(Clone, PartialEq, Debug)]
 struct Followed {
@@ -89,11 +95,15 @@ struct Stray {
 }
 
 /// Box in the map frame with its covariance.
+#[derive(Clone, Copy)]
 struct Measured<'a> {
     found: &'a DetectedBox,
     at: Column2<f64>,
     covariance: Matrix2<f64>,
     heading_rad: f64,
+    extent: Extent,
+    /// True if its length and width are exchanged.
+    is_turned: bool,
     /// Unit vector from the ego to it.
     sight: Column2<f64>,
     ego: Column2<f64>,
@@ -277,6 +287,8 @@ impl<'a> Measured<'a> {
             at: Column2::new(at.x_m, at.y_m),
             covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
             heading_rad: found.pose.heading_rad + ego.heading_rad,
+            extent: found.extent,
+            is_turned: false,
             sight: Column2::new(cos, sin),
             ego: Column2::new(ego.x_m, ego.y_m),
         }
@@ -301,18 +313,55 @@ impl<'a> Measured<'a> {
     }
 }
 
+impl Measured<'_> {
+    /// Covariance of the velocity of an object seen for the first time, of this standard deviation along its axis:
+    /// vehicles move little across theirs.
+    fn velocity_m2ps2(&self, speed_mps: f64) -> Matrix2<f64> {
+        let across_mps = match Group::of(self.found.kind) {
+            Group::Vehicle => speed_mps.min(ACROSS_MPS),
+            Group::Person | Group::Fixed => speed_mps,
+        };
+        let (sin, cos) = math::sin_cos(self.heading_rad);
+        let turn = Matrix2::new(cos, -sin, sin, cos);
+        turn * Matrix2::new(speed_mps * speed_mps, 0.0, 0.0, across_mps * across_mps) * turn.transpose()
+    }
+
+    /// The same ground with length and width exchanged. The detector added a part of the length to the seen side, so the
+    /// centre is uncertain by half the difference of the sides.
+    fn turned(self) -> Self {
+        let Extent { length_m, width_m, .. } = self.extent;
+        let off_m = 0.5 * (length_m - width_m);
+        Self {
+            heading_rad: self.heading_rad + FRAC_PI_2,
+            extent: Extent { length_m: width_m, width_m: length_m, ..self.extent },
+            covariance: self.covariance + Matrix2::identity() * (off_m * off_m),
+            is_turned: true,
+            ..self
+        }
+    }
+}
+
 impl Followed {
     fn founded(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
+        let founded = Self::at_box(id, measured, stamp, params);
+        if !founded.is_across(measured) {
+            return founded;
+        }
+        let measured = measured.turned();
+        Self { extent: measured.found.extent, ..Self::at_box(id, &measured, stamp, params) }
+    }
+
+    fn at_box(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
         let found = measured.found;
-        let speed = params.motion(found.kind).speed_mps;
+        let velocity = measured.velocity_m2ps2(params.motion(found.kind).speed_mps);
         let mut founded = Self {
             id,
             kind: found.kind,
             kind_score: found.score,
             score: found.score,
-            filter: Filter::new(stamp, measured.at, measured.covariance, speed),
+            filter: Filter::new(stamp, measured.at, measured.covariance, velocity),
             heading_rad: measured.heading_rad,
-            extent: found.extent,
+            extent: measured.extent,
             hits: 1,
             last_seen: stamp,
             is_in_image: found.image_px.is_some(),
@@ -323,18 +372,32 @@ impl Followed {
         founded
     }
 
+    /// True if a box of a vehicle is across the motion of the track: a vehicle moves along its axis.
+    fn is_across(&self, measured: &Measured<'_>) -> bool {
+        let (sin, cos) = math::sin_cos(measured.heading_rad);
+        Group::of(measured.found.kind) == Group::Vehicle
+            && self.filter.moves_along(Column2::new(-sin, cos), MOVES_MPS)
+    }
+
+    /// The box, turned by a quarter if it is across the motion of the track. From ahead, the front of a truck looks like
+    /// the side of a car.
+    fn along<'a>(&self, measured: &Measured<'a>) -> Measured<'a> {
+        if self.is_across(measured) { measured.turned() } else { *measured }
+    }
+
     /// Squared Mahalanobis distance to a box, after a sudden velocity change with this standard deviation in m/s, and
     /// the logarithm of the determinant of its covariance; `None` if their kinds are not confused.
     fn distance(&self, change_mps: f64, measured: &Measured<'_>) -> Option<(f64, f64)> {
         if Group::of(self.kind) != Group::of(measured.found.kind) {
             return None;
         }
-        self.filter.squared_distance(change_mps, self.centre(measured), measured.covariance)
+        let measured = self.along(measured);
+        self.filter.squared_distance(change_mps, self.centre(&measured), measured.covariance)
     }
 
     /// Centre of a body of the track's size at the place of a box.
     fn centre(&self, measured: &Measured<'_>) -> Column2<f64> {
-        measured.at + measured.shift(measured.found.extent, self.extent)
+        measured.at + measured.shift(measured.extent, self.extent)
     }
 
     /// True if a newer track with an overlapping outline is one of the same object: two bodies do not share most of their
@@ -382,6 +445,7 @@ impl Followed {
             return 1.0;
         }
         let square = self.distance(0.0, measured).map_or(0.0, |(square, _)| square);
+        let measured = &self.along(measured);
         let (before, at, covariance) = (self.filter.clone(), self.centre(measured), measured.covariance);
         self.strayed = Some(Box::new(Stray { before, at, covariance }));
         (square / DIMENSIONS).max(1.0)
@@ -389,7 +453,7 @@ impl Followed {
 
     /// Takes a box whose covariance is multiplied by `noise`.
     fn meet(&mut self, measured: &Measured<'_>, noise: f64, stamp: Time, params: &Params) {
-        let found = measured.found;
+        let (found, measured) = (measured.found, &self.along(measured));
         self.filter.update(self.centre(measured), measured.covariance * noise, params.sightings_max);
         self.take_speed(measured, params);
         self.is_in_image = found.image_px.is_some();
@@ -399,13 +463,23 @@ impl Followed {
         // Mean of all values so far, until the gain reaches that of the low-pass.
         self.hits += 1;
         let gain = (1.0 / self.hits as f64).max(params.shape_gain);
-        self.heading_rad += gain * axis_between(self.heading_rad, measured.heading_rad);
         let mix = |old: f64, new: f64| old + gain * (new - old);
         self.score = mix(self.score, found.score);
+        if !measured.is_turned {
+            self.take_shape(measured, gain);
+        }
+        self.last_seen = stamp;
+        self.is_confirmed |= self.hits >= params.hits_min;
+    }
+
+    /// Takes a share of the heading and the size of a box.
+    fn take_shape(&mut self, measured: &Measured<'_>, gain: f64) {
+        self.heading_rad += gain * axis_between(self.heading_rad, measured.heading_rad);
+        let mix = |old: f64, new: f64| old + gain * (new - old);
         let extent = Extent {
-            length_m: mix(self.extent.length_m, found.extent.length_m),
-            width_m: mix(self.extent.width_m, found.extent.width_m),
-            height_m: mix(self.extent.height_m, found.extent.height_m),
+            length_m: mix(self.extent.length_m, measured.extent.length_m),
+            width_m: mix(self.extent.width_m, measured.extent.width_m),
+            height_m: mix(self.extent.height_m, measured.extent.height_m),
         };
         let by = measured.shift(self.extent, extent);
         if by != Column2::zeros() {
@@ -416,8 +490,6 @@ impl Followed {
             }
         }
         self.extent = extent;
-        self.last_seen = stamp;
-        self.is_confirmed |= self.hits >= params.hits_min;
     }
 
     /// Takes the radial speed of a box.

@@ -70,8 +70,9 @@ const TABLE_M: f64 = 2.0;
 const CREEP_MPS2: f64 = 0.3;
 const DRIVE_UP_M: f64 = 2.0;
 
-/// Below this speed the ego is at rest, m/s.
+/// Below this speed the ego is at rest, and below this one it creeps, m/s: it comes to rest instead.
 const AT_REST_MPS: f64 = 0.1;
+const CREEPS_MPS: f64 = 0.5;
 
 /// Look-ahead time for lead vehicles, seconds.
 pub(crate) const AHEAD_S: f64 = 8.0;
@@ -308,7 +309,7 @@ impl Follower<'_> {
             if v < AT_REST_MPS {
                 return if v > 0.0 { -CREEP_MPS2 } else { 0.0 };
             }
-            if room_m < 0.5 * DRIVE_UP_M && v < 1.0 {
+            if v < CREEPS_MPS || (room_m < 0.5 * DRIVE_UP_M && v < 1.0) {
                 return -CREEP_MPS2.max(needed_mps2(v, 0.0, 0.0, room_m.max(0.1)).min(self.accel.brake_mps2));
             }
         }

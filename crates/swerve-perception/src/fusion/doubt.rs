@@ -1,39 +1,48 @@
 //! Score reduction of a person detected by the camera where the lidar measures free space.
 
-use swerve_geom::{angle_between, math};
+use swerve_geom::{Ego, Obb, Pose2, Vector2};
 use swerve_msg::DetectedBox;
 
 use super::object::Object;
 use super::params::Params;
+use super::place::polar;
 
-/// Bearing margin around a lidar box within which an object may be hidden by it or merged with it, radians.
-const BESIDE_RAD: f64 = 0.1;
+/// Distance from a lidar box within which an object may be merged with it, and from the line of sight within which a
+/// lidar box may hide an object, metres.
+const BESIDE_M: f64 = 1.0;
+
+/// Distance from a vehicle within which the lidar cannot separate a person from it, metres.
+const MERGED_M: f64 = 0.3;
+
+/// Score above which a detector's scores are not calibrated: few boxes that it finds in thousands of images are false
+/// with more.
+const SURE: f64 = 0.99;
 
 /// Camera-only person with the score conditioned on a lidar sweep that could have detected it but did not (Bayes): the
-/// lidar misses a share of the people present, and has no detection where there are none. `measured` holds the lidar
-/// objects, if there is a lidar.
+/// lidar misses a share of the people present, and has no detection where there are none. The same holds for a person
+/// inside of a vehicle's box, whose corners look like people. `measured` holds the lidar objects, if there is a lidar.
 pub(super) fn doubted(seen: &Object, measured: Option<&[Object]>, params: &Params) -> Object {
     let Some(measured) = measured else { return *seen };
-    let (range_m, bearing_rad) = polar(&seen.found);
-    let is_free = !measured.iter().any(|other| may_hide(&other.found, range_m, bearing_rad));
-    if !seen.found.kind.is_person() || range_m > params.lidar_sure_m || !is_free {
+    let (bearing_rad, range_m) = polar(Vector2::new(seen.found.pose.x_m, seen.found.pose.y_m));
+    // Up to two standard deviations of the distance beyond the object.
+    let reach_m = range_m + 2.0 * seen.spread.deviation_m(bearing_rad);
+    let middle = Vector2::<Ego>::from_heading(bearing_rad) * (0.5 * reach_m);
+    let sight = Obb::new(Pose2::new(middle.x, middle.y, bearing_rad), reach_m, 2.0 * BESIDE_M);
+    let is_free = !measured.iter().any(|other| sight.overlaps(&footprint(&other.found)));
+    let is_inside = |other: &Object| {
+        other.is_vehicle() && footprint(&other.found).grown(MERGED_M).contains(seen.found.pose.point())
+    };
+    let is_doubtful = is_free || measured.iter().any(is_inside);
+    if !seen.found.kind.is_person() || range_m > params.lidar_sure_m || !is_doubtful {
         return *seen;
     }
-    let there = seen.found.score * params.lidar_miss;
-    let score = there / (there + 1.0 - seen.found.score).max(f64::MIN_POSITIVE);
+    let before = seen.found.score.min(SURE);
+    let there = before * params.lidar_miss;
+    let score = there / (there + 1.0 - before);
     Object { found: DetectedBox { score, ..seen.found }, ..*seen }
 }
 
-/// Distance and bearing of a box's centre.
-fn polar(found: &DetectedBox) -> (f64, f64) {
-    let (x, y) = (found.pose.x_m, found.pose.y_m);
-    (math::hypot(x, y), math::atan2(y, x))
-}
-
-/// Returns true if a lidar box may hide a position or contain its points.
-fn may_hide(other: &DetectedBox, range_m: f64, bearing_rad: f64) -> bool {
-    let (box_m, box_rad) = polar(other);
-    let radius_m = 0.5 * math::hypot(other.extent.length_m, other.extent.width_m);
-    let half_rad = math::atan2(radius_m, (box_m - radius_m).max(0.1)) + BESIDE_RAD;
-    box_m - radius_m < range_m + radius_m && angle_between(bearing_rad, box_rad).abs() < half_rad
+/// Ground covered by a box.
+fn footprint(found: &DetectedBox) -> Obb<Ego> {
+    Obb::new(found.pose, found.extent.length_m, found.extent.width_m)
 }

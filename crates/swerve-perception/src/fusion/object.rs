@@ -2,7 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::{Ego, Map, Pose2};
-use swerve_msg::DetectedBox;
+use swerve_msg::{ActorKind, DetectedBox};
 
 use super::place::{Spread, moved};
 use super::sight::Sighted;
@@ -26,6 +26,11 @@ impl Object {
     /// Squared Mahalanobis distance to another object; `None` if the covariance is singular.
     pub(super) fn distance(&self, other: &Self) -> Option<f64> {
         self.spread.distance(self.found.pose.point() - other.found.pose.point(), other.spread)
+    }
+
+    /// True for a vehicle of a known class.
+    pub(super) fn is_vehicle(&self) -> bool {
+        !self.found.kind.is_person() && self.found.kind != ActorKind::Static
     }
 
     pub(super) fn told(&self) -> DetectedBox {

@@ -98,6 +98,34 @@ fn fusion_lowers_the_score_of_a_person_where_the_lidar_measures_free_space() {
 }
 
 #[test]
+fn person_in_the_corner_of_a_truck_is_the_truck() {
+    let truck = DetectedBox {
+        extent: Extent { length_m: 6.0, width_m: 2.5, height_m: 3.0 },
+        ..found(ActorKind::Truck, 9.0, 4.0, 0.95)
+    };
+    let lidar = list(100, vec![truck]);
+    let picture = camera().image_px(truck.pose, truck.bottom_m, truck.extent);
+    let score_at = |x_m: f64, y_m: f64, image_px: Option<[f64; 4]>| {
+        let seen = seen(ActorKind::Pedestrian, [x_m, y_m], [x_m, y_m], 0.95);
+        let person = DetectedBox { image_px: image_px.or(seen.image_px), ..seen };
+        let camera = list(100, vec![person]);
+        let sources =
+            Sources { camera: Some(by_camera(&camera)), lidar: Some(by_lidar(&lidar)), ..Sources::default() };
+        let found = fused(&sources);
+        let trucks = found.iter().filter(|b| b.kind == ActorKind::Truck && b.pose.x_m == 9.0);
+        assert_eq!(trucks.count(), 1, "the truck stays: {found:?}");
+        found.iter().find(|b| b.kind == ActorKind::Pedestrian).map(|b| b.score).unwrap()
+    };
+    // The whole truck is taken for a person, who would stand in free space in front of it.
+    let free = score_at(4.0, 1.0, picture);
+    // The same in its near corner.
+    let corner = score_at(6.2, 2.7, None);
+    // A person who looks out from behind its far corner may be hidden from the lidar.
+    let behind = score_at(13.0, 2.6, None);
+    assert!(free < 0.7 && corner < 0.7 && behind > 0.9, "{free} {corner} {behind}");
+}
+
+#[test]
 fn fusion_keeps_objects_of_a_single_source_with_their_errors() {
     let camera = list(0, vec![seen(ActorKind::Pedestrian, [30.0, 0.0], [30.0, 0.0], 0.7)]);
     let lidar = list(0, vec![found(ActorKind::Car, 15.0, 9.0, 0.6)]);

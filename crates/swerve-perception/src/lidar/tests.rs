@@ -175,6 +175,25 @@ fn part_of_a_vehicle_is_no_object_of_its_own() {
 }
 
 #[test]
+fn rear_of_a_vehicle_beside_its_front_is_no_vehicle_of_its_own() {
+    let candidate = |x_m: f64, y_m: f64, [length_m, width_m]: [f64; 2], seen: [f64; 2]| {
+        let extent = Extent { length_m, width_m, height_m: 2.4 };
+        let found = DetectedBox::on_ground(ActorKind::Truck, 0.0, Pose2::new(x_m, y_m, 0.05), extent);
+        Candidate { found, seen: Point2::new(seen[0], seen[1]), features: [0.0; FEATURES], class: 1 }
+    };
+    let truck = candidate(28.3, 3.7, [6.0, 2.5], [26.5, 3.4]);
+    // A strip of its side, completed away from the truck; and the rear of another one in the next lane.
+    let strip = candidate(33.15, 1.3, [6.0, 2.5], [30.2, 2.6]);
+    let other = candidate(33.15, 0.5, [6.0, 2.5], [30.2, 0.5]);
+    let kept = |candidates: &[Candidate]| {
+        let (mut footprints, mut boxes) = (Vec::new(), Vec::new());
+        keep_disjoint(candidates, &mut footprints, &mut boxes);
+        boxes.len()
+    };
+    assert_eq!([kept(&[truck, strip]), kept(&[truck, other]), kept(&[truck, truck])], [1, 2, 1]);
+}
+
+#[test]
 fn boxes_are_aligned_with_a_known_route() {
     let cloud = turn(0.0, 0.0);
     let route = straight_route();

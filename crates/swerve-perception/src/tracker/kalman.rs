@@ -60,11 +60,17 @@ fn transition(dt_s: f64) -> Matrix4<f64> {
 }
 
 impl Filter {
-    /// Initial state at a measured position with unknown velocity of this standard deviation per component, m/s.
-    pub(super) fn new(at: Time, measured: Vector2<f64>, covariance: Matrix2<f64>, speed_mps: f64) -> Self {
+    /// Initial state at a measured position with an unknown velocity; both with a covariance, m² and m²/s².
+    pub(super) fn new(
+        at: Time,
+        measured: Vector2<f64>,
+        covariance: Matrix2<f64>,
+        velocity: Matrix2<f64>,
+    ) -> Self {
         let mean = Vector4::new(measured.x, measured.y, 0.0, 0.0);
-        let mut p = Matrix4::identity() * (speed_mps * speed_mps);
+        let mut p = Matrix4::zeros();
         p.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
+        p.fixed_view_mut::<2, 2>(2, 2).copy_from(&velocity);
         let state = Gauss { mean, covariance: p };
         let first = Step { at, since_s: 0.0, predicted: state, filtered: state, is_measured: true };
         Self { steps: [first].into() }
@@ -193,6 +199,16 @@ impl Filter {
         axes.eigenvectors * reduced
     }
 
+    /// True if the current velocity along a unit vector is not zero: more than this speed, m/s, and more than three
+    /// standard deviations.
+    pub(super) fn moves_along(&self, axis: Vector2<f64>, least_mps: f64) -> bool {
+        let Gauss { mean, covariance } = self.last().filtered;
+        let h = RowVector4::new(0.0, 0.0, axis.x, axis.y);
+        let speed_mps = (h * mean)[0];
+        let variance = (h * covariance * h.transpose())[0];
+        speed_mps.abs() > least_mps && speed_mps * speed_mps > 9.0 * variance
+    }
+
     /// Current instant.
     pub(super) fn at(&self) -> Time {
         self.last().at
@@ -253,7 +269,8 @@ mod tests {
         let measured: Vec<Vector2<f64>> =
             instants.iter().map(|ms| Vector2::new(*ms as f64 * 3e-3 + rng.normal(), rng.normal())).collect();
         let (density, speed) = (2.0, 4.0);
-        let mut filter = Filter::new(Time::from_ms(0), measured[0], noise, speed);
+        let mut filter =
+            Filter::new(Time::from_ms(0), measured[0], noise, Matrix2::identity() * (speed * speed));
         for k in 1..instants.len() {
             filter.predict(Time::from_ms(instants[k]), density);
             if k != 3 {
@@ -308,7 +325,7 @@ mod tests {
     #[test]
     fn covariance_grows_without_measurements_and_shrinks_with_them() {
         let noise = Matrix2::identity();
-        let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, 3.0);
+        let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, noise * 9.0);
         let far = Vector2::new(4.0, 2.0);
         filter.predict(Time::from_ms(100), 1.0);
         let seen = filter.squared_distance(0.0, far, noise).unwrap().0;

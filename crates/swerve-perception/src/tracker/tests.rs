@@ -435,3 +435,46 @@ fn box_with_front_and_rear_confused_does_not_turn_the_track() {
     }
     assert!(headings.iter().all(|heading| (heading - 1.6).abs() < 0.02), "{headings:?}");
 }
+
+#[test]
+fn box_across_the_motion_of_a_vehicle_turns_neither_the_track_nor_its_motion() {
+    // The front of an oncoming truck, now and then taken for the side of a car.
+    let truck = |x_m: f64| DetectedBox {
+        kind: ActorKind::Truck,
+        pose: Pose2::new(x_m, 4.0, 0.0),
+        extent: Extent { length_m: 6.0, width_m: 2.5, height_m: 2.4 },
+        covariance_m2: Some([0.7, 0.0, 0.01]),
+        radial_speed_mps: Some(-10.0),
+        ..found(ActorKind::Truck, x_m, 4.0)
+    };
+    let side = |x_m: f64| DetectedBox {
+        kind: ActorKind::Car,
+        // The front stands at the same place, and the car's length is added to the left.
+        pose: Pose2::new(x_m - 2.1, 4.9, -1.5),
+        extent: Extent { length_m: 4.4, width_m: 1.8, height_m: 2.4 },
+        covariance_m2: Some([0.02, 0.0, 0.04]),
+        ..truck(x_m)
+    };
+    let tracks = |is_side: &dyn Fn(i64) -> bool| {
+        let mut tracker = tracker(Params::default());
+        let mut tracks = Vec::new();
+        for k in 0..24_i64 {
+            let x_m = 60.0 - 0.5 * k as f64;
+            let seen = if is_side(k) { side(x_m) } else { truck(x_m) };
+            tracks = tracker.update(&frame(50 * k, vec![seen]), origin()).tracks;
+        }
+        tracks
+    };
+    for (name, is_side) in [
+        ("in between", &(|k: i64| k % 5 == 4) as &dyn Fn(i64) -> bool),
+        ("first", &|k| k < 2),
+        ("last", &|k| k > 20),
+    ] {
+        let tracks = tracks(is_side);
+        let [track] = &tracks[..] else { panic!("{name}: {tracks:?}") };
+        let off_m = math::hypot(track.pose.x_m - 48.5, track.pose.y_m - 4.0);
+        let Vector2 { x, y, .. } = track.velocity_mps;
+        assert!(math::sin(track.pose.heading_rad).abs() < 0.1, "{name}: {track:?}");
+        assert!((x + 10.0).abs() < 0.5 && y.abs() < 1.0 && off_m < 1.0, "{name}: {off_m} {track:?}");
+    }
+}
