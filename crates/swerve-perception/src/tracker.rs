@@ -463,8 +463,7 @@ impl Followed {
         // Mean of all values so far, until the gain reaches that of the low-pass.
         self.hits += 1;
         let gain = (1.0 / self.hits as f64).max(params.shape_gain);
-        let mix = |old: f64, new: f64| old + gain * (new - old);
-        self.score = mix(self.score, found.score);
+        self.score += gain * (found.score - self.score);
         if !measured.is_turned {
             self.take_shape(measured, gain);
         }
