@@ -379,3 +379,31 @@ pub(crate) fn needed_mps2(v: f64, lead_mps: f64, brake_mps2: f64, room_m: f64) -
     let lead_m = lead_mps * lead_mps / (2.0 * brake_mps2);
     v * v / (2.0 * (room_m + lead_m))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At less than half a metre per second, the ego stops within the last two metres instead of creeping over them.
+    #[test]
+    fn ego_that_rolls_slowly_behind_a_standing_vehicle_stops() {
+        let curves = SpeedTable { from_m: 0.0, speeds_mps: vec![20.0] };
+        let follower = Follower {
+            gaps: Gaps { standstill_m: 2.0, steer_out_m: 5.0, time_s: 1.5 },
+            accel: Accel { most_mps2: 2.0, brake_mps2: 3.5, hardest_mps2: 8.0 },
+            target_mps: 10.0,
+            curves: &curves,
+            front_m: 3.0,
+            leads: Vec::new(),
+            in_way: &|_| true,
+        };
+        let accel_mps2 = |speed_mps: f64, gap_m: f64| {
+            let now = Step { s_m: 0.0, speed_mps, accel_mps2: 0.0 };
+            follower.behind(&now, [gap_m, 2.0], (0.0, 0.0), 3.5)
+        };
+        for gap_m in [2.8, 3.5, 4.2] {
+            assert_eq!(accel_mps2(0.4, gap_m), -CREEP_MPS2, "{gap_m} m");
+        }
+        assert!(accel_mps2(0.4, 8.0) > 0.2 && accel_mps2(0.8, 4.2) > -CREEP_MPS2);
+    }
+}

@@ -218,24 +218,3 @@ fn ego_stays_slow_past_a_pedestrian_who_just_stopped_beside_the_lane() {
     assert!(after_s(4.9) < 8.0 && hardest_mps2(&drive) < 5.5, "{} {}", after_s(4.9), hardest_mps2(&drive));
     assert!(passes(&drive).1 > 0.5 && drive.last().unwrap().ego.pose.x_m > 70.0, "{:?}", passes(&drive));
 }
-
-/// An ego that rolls up slowly to a car that closes the road comes to rest within seconds instead of creeping over the
-/// last metre or two.
-#[test]
-fn ego_that_rolls_up_to_a_standing_car_does_not_creep() {
-    for (speed_mps, ahead_m) in [(0.6, 14.0), (0.8, 14.5), (1.2, 15.5), (1.0, 13.0)] {
-        let standing = move |_: f64| [ahead_m, 0.0];
-        let drive = drive_from(
-            EgoState { speed_mps, ..EgoState::default() },
-            8.0,
-            ([1.75, 1.75], Manner::GoesRound),
-            (ActorKind::Car, &[&standing]),
-            20.0,
-        );
-        let creeps = drive.iter().filter(|it| it.ego.speed_mps > 0.02 && it.ego.speed_mps < 0.45);
-        let step_s = 20.0 / drive.len() as f64;
-        let creeps_s = step_s * creeps.count() as f64;
-        assert!(creeps_s < 2.5, "{speed_mps} m/s, {ahead_m} m: creeps for {creeps_s} s");
-        assert!(drive.last().unwrap().ego.speed_mps < 0.05, "{speed_mps} m/s, {ahead_m} m");
-    }
-}
