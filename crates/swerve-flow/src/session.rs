@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
+use thiserror::Error;
 
 use crate::engine::Engine;
 use crate::error::GraphError;
@@ -12,15 +13,16 @@ use crate::message::{Header, Msg};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::payload::ErasedPayload;
+use crate::playback::PlaybackRecord;
 use crate::report::{EndReason, RunError, RunReport};
 
 /// A run in virtual time that its caller advances.
 ///
 /// Its result is that of [`run_virtual`](crate::run_virtual). In between, the caller reads streams
 /// ([`newest`](Self::newest)) and provides data: through the inputs of an operator before which the session holds
-/// ([`hold_before`](Self::hold_before)), or through the handles of the graph's [sources](Graph::source). Data given to
-/// a source while the session holds is published at the current instant; data given between two instants, one
-/// nanosecond after the last. So the result is a function of the graph, the seed, and the data with its times.
+/// ([`hold_before`](Self::hold_before)), through the handles of the graph's [sources](Graph::source), or for later
+/// instants ([`feed`](Self::feed)). Data given to the handle of a source while the session holds is published at the
+/// current instant; data given between two instants, one nanosecond after the last. So the result is a function of the graph, the seed, and the data with its times.
 pub struct Session<'o> {
     engine: Engine<'o>,
     inbox: Arc<Inbox>,
@@ -48,6 +50,42 @@ fn carried(message: &Msg) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
     Some((&message.header, &message.sent.made()?.payload))
 }
 
+/// A source that the caller of a session feeds: [`Session::source`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fed(usize);
+
+/// Reason why a session refused a record.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum FeedError {
+    /// The instant of the record is over.
+    #[error("instant {at} is over: the session is at {now}")]
+    Past {
+        /// Instant of the record.
+        at: Time,
+        /// Current instant of the session.
+        now: Time,
+    },
+    /// A message does not follow those before it on its stream.
+    #[error("stamp {stamp}: expected one after {after}, up to which the stream is complete")]
+    NotAfter {
+        /// Stamp of the message.
+        stamp: Time,
+        /// Watermark of the stream.
+        after: Time,
+    },
+    /// A record does not follow those before it in the order of publication.
+    #[error("instant {at}: the source has a record for the later instant {last}")]
+    Order {
+        /// Instant of the record.
+        at: Time,
+        /// Instant of the last record.
+        last: Time,
+    },
+    /// The source has no such output, or its messages are of another type.
+    #[error("{0}")]
+    Type(String),
+}
+
 /// A stream whose newest messages are kept: [`Session::watch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watched(usize);
@@ -67,6 +105,30 @@ impl<'o> Session<'o> {
         engine.wake_all();
         let until = options.until.unwrap_or(Time::MAX);
         Ok(Self { engine, inbox, until, before: None, begun: false, holds: false })
+    }
+
+    /// Passes all events from now on to an observer that the session owns.
+    pub fn observe(&mut self, observer: Box<dyn Observer>) {
+        self.engine.observe(observer);
+    }
+
+    /// The source of this name, for [`feed`](Self::feed); `None` if there is no such operator, or it has steps.
+    pub fn source(&self, operator: &str) -> Option<Fed> {
+        self.engine.rank(operator).filter(|rank| self.engine.is_feed(*rank)).map(Fed)
+    }
+
+    /// Gives a source a record to publish at the record's instant, in the turn of the source. Its watermark, if it is
+    /// below that of the stream, is ignored.
+    ///
+    /// # Errors
+    /// If the instant is over, the type is wrong, or the record does not follow those before it.
+    pub fn feed(&mut self, source: Fed, record: PlaybackRecord) -> Result<(), FeedError> {
+        let (at, now) = (record.visible_at, self.engine.now());
+        let is_over = if self.begun { at <= now && !(self.holds && at == now) } else { at < Time::ZERO };
+        if is_over {
+            return Err(FeedError::Past { at, now });
+        }
+        self.engine.feed(source.0, record)
     }
 
     /// From now on, holds before each turn of this operator in which a frame opens for it.
