@@ -73,13 +73,13 @@ pub enum FeedError {
         /// Watermark of the stream.
         after: Time,
     },
-    /// A record does not follow those before it in the order of publication.
-    #[error("instant {at}: the source has a record for the later instant {last}")]
-    Order {
-        /// Instant of the record.
-        at: Time,
-        /// Instant of the last record.
-        last: Time,
+    /// A message would complete its stream beyond the stamp of a message that follows.
+    #[error("stamp {stamp}: expected one before {before}, the stamp of a message that follows")]
+    NotBefore {
+        /// Stamp of the message.
+        stamp: Time,
+        /// Stamp of the message that follows.
+        before: Time,
     },
     /// The source has no such output, or its messages are of another type.
     #[error("{0}")]
@@ -117,11 +117,11 @@ impl<'o> Session<'o> {
         self.engine.rank(operator).filter(|rank| self.engine.is_feed(*rank)).map(Fed)
     }
 
-    /// Gives a source a record to publish at the record's instant, in the turn of the source. Its watermark, if it is
-    /// below that of the stream, is ignored.
+    /// Gives a source a record to publish at the record's instant, in the turn of the source. A bare watermark that is
+    /// not above that of the stream is ignored.
     ///
     /// # Errors
-    /// If the instant is over, the type is wrong, or the record does not follow those before it.
+    /// If the instant is over, the type is wrong, or the stamps on a stream would not increase.
     pub fn feed(&mut self, source: Fed, record: PlaybackRecord) -> Result<(), FeedError> {
         let (at, now) = (record.visible_at, self.engine.now());
         let is_over = if self.begun { at <= now && !(self.holds && at == now) } else { at < Time::ZERO };
@@ -160,6 +160,11 @@ impl<'o> Session<'o> {
     /// Error of the run, if it failed.
     pub fn failure(&self) -> Option<&RunError> {
         self.engine.failure()
+    }
+
+    /// True if the run was stopped before its end: by an operator, an error, [`stop`](Self::stop) or a handle.
+    pub fn is_stopped(&self) -> bool {
+        self.engine.is_over() || self.inbox.is_stopped()
     }
 
     /// Current instant.
@@ -226,6 +231,11 @@ impl<'o> Session<'o> {
         }
         self.engine.begin(next);
         None
+    }
+
+    /// Ends the run after its current instant, for this reason, as an operator can.
+    pub fn stop(&mut self, reason: &str) {
+        self.engine.stop(reason);
     }
 
     /// Ends the run at its current instant and returns its report.

@@ -28,6 +28,11 @@ impl Engine<'_> {
         self.nodes.iter().position(|node| &*node.name == operator)
     }
 
+    /// Ends the run after the current sweep; the first reason counts.
+    pub(crate) fn stop(&mut self, reason: &str) {
+        self.stop.get_or_insert_with(|| reason.to_owned());
+    }
+
     /// Adds an observer that the engine owns.
     pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
         self.host_time |= observer.wants_host_time();
@@ -47,8 +52,15 @@ impl Engine<'_> {
         };
         let stream = &self.streams[*id];
         record.take_in(&stream.payload).map_err(|(_, reason)| FeedError::Type(reason))?;
-        let queued = feed.iter().rev().find(|queued| queued.port == record.port);
-        let watermark = queued.map_or(stream.watermark, |queued| queued.watermark);
+        let place = feed.partition_point(|queued| queued.visible_at <= record.visible_at);
+        let is_beside = |queued: &&PlaybackRecord| queued.port == record.port;
+        let before = feed.range(..place).rev().find(is_beside);
+        let watermark = before.map_or(stream.watermark, |queued| queued.watermark);
+        let mut later = feed.range(place..).filter(is_beside);
+        let next = later.find_map(|queued| queued.message.as_ref()).map(|message| message.stamp);
+        if let Some(before) = next.filter(|next| *next <= record.watermark) {
+            return Err(FeedError::NotBefore { stamp: record.watermark, before });
+        }
         match &mut record.message {
             Some(message) if message.stamp <= watermark => {
                 return Err(FeedError::NotAfter { stamp: message.stamp, after: watermark });
@@ -57,11 +69,8 @@ impl Engine<'_> {
             None if record.watermark <= watermark => return Ok(()),
             None => {}
         }
-        if let Some(last) = feed.back().map(|last| last.visible_at).filter(|last| *last > record.visible_at) {
-            return Err(FeedError::Order { at: record.visible_at, last });
-        }
         let is_now = record.visible_at <= self.now;
-        feed.push_back(record);
+        feed.insert(place, record);
         if is_now {
             self.ready.insert(rank);
         }

@@ -202,7 +202,8 @@ fn a_session_refuses_records_that_are_late_out_of_order_or_of_another_type() {
     session.feed(wishes, of(0, 0)).unwrap();
     assert_eq!(session.feed(wishes, of(20, 0)), Err(FeedError::NotAfter { stamp: at(0), after: at(0) }));
     session.feed(wishes, of(20, 20)).unwrap();
-    assert_eq!(session.feed(wishes, of(10, 30)), Err(FeedError::Order { at: at(10), last: at(20) }));
+    assert_eq!(session.feed(wishes, of(10, 30)), Err(FeedError::NotBefore { stamp: at(30), before: at(20) }));
+    session.feed(wishes, of(10, 10)).unwrap();
     assert_eq!(session.advance_to(at(40)), Reached::Instant);
     assert_eq!(session.feed(wishes, of(40, 40)), Err(FeedError::Past { at: at(40), now: at(40) }));
     let wrong = session.feed(wishes, PlaybackRecord::message(at(50), at(50), 1.0_f64)).unwrap_err();

@@ -1,0 +1,57 @@
+//! A world of a few lines in which the stack drives: a street, and a person who crosses it. The world steps 20 times a second
+//! and waits for the stack, whose planner takes its modelled time: `cargo run -p swerve-drive --example guest -- 400`.
+
+use swerve_core::{Span, Time};
+use swerve_drive::{Line, Stack, StackOptions};
+use swerve_geom::{Point2, Pose2, Vector2, math};
+use swerve_msg::{ActorId, ActorKind, Command, EgoState, Extent, Obstacle};
+use swerve_stack::Setup;
+
+const STEP: Span = Span::from_ms(50);
+const WHEELBASE_M: f64 = 2.85;
+
+/// A kinematic bicycle about its rear axle, without delay.
+fn moved(car: &EgoState, command: Command) -> EgoState {
+    let dt_s = STEP.as_secs();
+    let accel_mps2 = 3.0 * command.throttle - 8.0 * command.brake;
+    let speed_mps = (car.speed_mps + accel_mps2 * dt_s).max(0.0);
+    let yaw_rate_radps = speed_mps * math::tan(command.steering_rad) / WHEELBASE_M;
+    EgoState {
+        stamp: car.stamp + STEP,
+        pose: EgoState { speed_mps, yaw_rate_radps, ..*car }.pose_after(dt_s),
+        speed_mps,
+        accel_mps2,
+        lateral_accel_mps2: speed_mps * yaw_rate_radps,
+        yaw_rate_radps,
+        steering_rad: command.steering_rad,
+    }
+}
+
+/// Somebody who walks over the street, 45 m ahead of its begin.
+fn person(at: Time) -> Obstacle {
+    let y_m = (1.6 * at.as_secs() - 6.0).min(5.0);
+    Obstacle {
+        id: ActorId(1),
+        kind: ActorKind::Pedestrian,
+        pose: Pose2::new(45.0, y_m, 1.57),
+        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
+        velocity_mps: Vector2::new(0.0, if y_m < 5.0 { 1.6 } else { 0.0 }),
+        visible_share: 1.0,
+    }
+}
+
+fn main() -> anyhow::Result<()> {
+    let planner_ms = std::env::args().nth(1).and_then(|ms| ms.parse().ok()).unwrap_or(50.0);
+    let runtime = toml::Table::from_iter([("fixed_ms".to_owned(), toml::Value::Float(planner_ms))]);
+    let config = Setup::load(None, &[("operator.planner.runtime".into(), runtime.into())])?;
+    let street = Line { lanes_left: 1, ..Line::new(vec![Point2::new(0.0, 0.0), Point2::new(140.0, 0.0)], 10.0) };
+    let mut stack = Stack::new(&config, &street.scenario()?, &StackOptions::default())?;
+    let mut car = EgoState { pose: Pose2::new(2.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
+    while stack.feed_scene(car, vec![person(car.stamp)])?.is_none() {
+        let commands = stack.advance_to(car.stamp)?;
+        car = moved(&car, commands.newest.map_or(Command::default(), |newest| newest.command));
+    }
+    let outcome = stack.finish()?;
+    println!("{} at {}, {:?} m, {}", outcome.metrics.verdict, car.stamp, outcome.metrics.min_distance_m, outcome.digest);
+    Ok(())
+}
