@@ -1,7 +1,7 @@
-"""A world of a few lines of Python, in which the stack of Swerve drives: a street with a bend and a person who crosses it.
+"""A world of a few lines of Python, in which the stack of Swerve drives: a lane with a bend, and a person who stops on it.
 
-The world steps 20 times a second and waits for the stack, whose planner takes its modelled time. `python guest.py 400` gives the
-planner 400 ms.
+The world steps 20 times a second and waits for the stack, whose planner takes its modelled time. `python guest.py 600` gives the
+planner 600 ms: that is too late for the person.
 """
 
 import math
@@ -47,12 +47,14 @@ class Car:
 
 config = {"operator.planner.runtime": {"fixed_ms": float(sys.argv[1]) if len(sys.argv) > 1 else 50.0}}
 car = Car()
-with swerve.Stack(route=street(), lanes_left=1, speed_mps=10.0, set=config, out="guest") as stack:
+with swerve.Stack(route=street(), speed_mps=10.0, set=config, out="guest") as stack:
     for k in range(600):
-        pose = Pose2(45.0, min(5.0, 1.6 * STEP_S * k - 6.0), math.pi / 2)
-        walks = Vector2(0.0, 1.6 if pose.y_m < 5.0 else 0.0)
+        t = STEP_S * k  # the person walks, stands for four seconds, and walks on; a hedge hides the first steps
+        pose = Pose2(45.0, 1.6 * (min(t, 4.0) + max(0.0, t - 8.0)) - 6.5, math.pi / 2)
+        walks = Vector2(0.0, 0.0 if 4.0 < t < 8.0 else 1.6)
         person = Obstacle(1, ActorKind.PEDESTRIAN, pose, Extent(0.5, 0.5, 1.8), walks, 1.0)
-        if stack.feed_scene(car.state(round(1e9 * STEP_S * k)), [person]):
+        in_sight = [person] if pose.y_m > -2.0 else []
+        if stack.feed_scene(car.state(round(1e9 * t)), in_sight):
             break
-        car.step(stack.advance_to(STEP_S * k))
+        car.step(stack.advance_to(t))
 print(f"{stack.result.verdict} at {stack.now_s:.2f} s, {stack.result.metrics['min_distance_m']:.2f} m, {stack.result.digest}")

@@ -13,7 +13,7 @@ import swerve
 from swerve.messages import ActorKind, EgoState, Extent, Obstacle, Pose2, Vector2
 
 HZ, REAR_M, LIMIT_MPS2, LIMIT_RAD = 20, 1.425, 5.0, math.pi / 4
-highway_env.register_highway_envs()
+gymnasium.register_envs(highway_env)
 settings = {"vehicles_count": 20, "duration": 20, "simulation_frequency": HZ, "policy_frequency": HZ}
 action = {"type": "ContinuousAction"}
 env = gymnasium.make("highway-v0", config={**settings, "action": action, "lanes_count": 4}).unwrapped

@@ -27,8 +27,8 @@ use crate::streams::{Capture, Streams};
 /// The stack in a foreign world.
 #[pyclass(frozen, module = "swerve._swerve")]
 pub(crate) struct Guest {
-    /// `None` once it has finished.
-    stack: Mutex<Option<Stack>>,
+    /// `None` once it has finished. On the heap: Python aligns objects to 16 bytes only.
+    stack: Mutex<Option<Box<Stack>>>,
     seen: Arc<Mutex<Seen>>,
     log: Option<PathBuf>,
     folder: Mutex<Option<RunFolder>>,
@@ -133,7 +133,7 @@ impl Guest {
     ) -> PyResult<Self> {
         let config = load_config(config.as_ref(), set.as_ref(), seed, CodeArgs { allow_code })?;
         let (scenario, scenario_text, scenario_file) = course(way)?;
-        let folder = out.map(|out| RunFolder::claim(Some(&out), "guest", false));
+        let folder = out.map(|out| RunFolder::claim(Some(&out), "guest", true));
         let folder = folder.transpose().map_err(error)?;
         let log = folder.as_ref().map(|folder| folder.path.join("log.partial.mcap")).or(log);
         log.as_deref().map_or(Ok(()), remove_log).map_err(error)?;
@@ -151,7 +151,7 @@ impl Guest {
             lock(&watching).story = Some(story(setup, &pipeline.scenario, pipeline));
             vec![Box::new(move |event: &Event<'_>| lock(&watching).event(event))]
         });
-        let stack = Mutex::new(Some(stack.map_err(error)?));
+        let stack = Mutex::new(Some(Box::new(stack.map_err(error)?)));
         Ok(Self { stack, seen, log, folder: Mutex::new(folder), scenario_text })
     }
 
@@ -260,7 +260,7 @@ fn over() -> anyhow::Error {
 impl Guest {
     fn with<T>(&self, act: impl FnOnce(&mut Stack) -> anyhow::Result<T>) -> PyResult<T> {
         let mut stack = lock(&self.stack);
-        stack.as_mut().ok_or_else(over).and_then(act).map_err(error)
+        stack.as_deref_mut().ok_or_else(over).and_then(act).map_err(error)
     }
 
     fn finished(&self) -> anyhow::Result<Finished> {

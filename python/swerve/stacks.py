@@ -67,7 +67,7 @@ class Stack:
     headings from x towards y.
 
     `config`, `set`, `seed`, `threads`, `streams`, `log` and `allow_code` are those of `swerve.run`. `out` is a folder for log,
-    metrics and report, in place of `log`. `seconds` is the end of the drive at the latest.
+    metrics and report, in place of `log`; both replace the results of an earlier run. `seconds` is the end of the drive at the latest.
 
     Used as a context manager, it finishes at the end; after an exception it leaves a log that can be read up to there.
 
@@ -130,6 +130,7 @@ class Stack:
             name: Input(_known(type_name), doc, readers, latency_ns * 1e-9)
             for name, type_name, doc, readers, latency_ns in self._guest.inputs()
         }
+        self._now_s, self._until_s = self._guest.times()
         self._result: Result | None = None
         self.commands: list[Commanded] = []
         """Commands that became visible in the last advance, in order."""
@@ -147,12 +148,12 @@ class Stack:
     @property
     def now_s(self) -> float:
         """Instant that the stack was advanced to, seconds."""
-        return self._guest.times()[0]
+        return self._now_s
 
     @property
     def until_s(self) -> float:
         """Last instant that it can be advanced to, seconds."""
-        return self._guest.times()[1]
+        return self._until_s
 
     @property
     def route(self) -> NDArray[np.float64]:
@@ -194,6 +195,7 @@ class Stack:
         Raises ValueError if the instant is before the last one or after the end, or if an operator fails.
         """
         newest, new = self._guest.advance_to(t_s)
+        self._now_s = float(t_s)
         self.commands = [Commanded(at, origin, Command(*numbers)) for at, origin, numbers in new]
         return Command(0.0, 0.0, 0.0) if newest is None else Command(*newest[2])
 

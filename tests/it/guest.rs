@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use swerve_core::{Span, Time};
 use swerve_drive::{Commands, Outcome, Stack, StackOptions, drive, read_scenario};
+use swerve_eval::Metrics;
 use swerve_flow::{Event, Reached, RunOptions, Session};
 use swerve_log::Log;
 use swerve_msg::{EgoState, GateMode, GateOutput, ObstacleList, Plan, StopCause};
@@ -85,27 +86,34 @@ fn guest(config: &Setup, scenario: &Scenario, options: &StackOptions) -> Outcome
     stack.finish().unwrap()
 }
 
+/// Metrics without those of the steps of world and sensors, which a guest does not take.
+fn of_stack(mut metrics: Metrics) -> Metrics {
+    let outside = ["world", "obstacles", "pose", "imu", "lights"];
+    metrics.operators.retain(|operator| !outside.contains(&operator.operator.as_str()));
+    metrics
+}
+
 #[test]
 fn guest_in_the_simulators_world_has_the_digest_of_a_run() {
     for (name, sets) in [
         ("person_behind_truck", &[][..]),
         ("person_behind_truck", &["operator.planner.runtime={ fixed_ms = 180 }", "seed=3"]),
-        ("person_crossing", &["operator.tracker.runtime={ normal = { mean_ms = 30, deviation_ms = 8 } }"]),
-        ("car_behind_truck", &["fault.late={ stream = \"obstacles\", kind = \"delay\", delay_ms = 60 }"]),
-        ("traffic_light", &["perception.detector=yolov8n", "execution.model=static_deadlines"]),
+        ("person_crossing", &["operator.tracker.runtime={ normal_ms = [30, 8] }"]),
+        ("car_behind_truck", &["fault.late={ stream = \"obstacles\", delay_ms = 60 }"]),
+        ("traffic_light", &["perception.detector=efficientdet-d3@v100", "execution.model=static_deadlines"]),
     ] {
         let (config, scenario) = (config(sets), scenario(name));
         let run = drive(&config, &scenario).unwrap();
         let guest = guest(&config, &scenario, &StackOptions::default());
         assert_eq!(guest.digest, run.digest, "{name} {sets:?}");
-        assert_eq!(guest.metrics, run.metrics, "{name} {sets:?}");
+        assert_eq!(of_stack(guest.metrics), of_stack(run.metrics), "{name} {sets:?}");
         assert_eq!(guest.road_margin_m, run.road_margin_m, "{name} {sets:?}");
     }
 }
 
 #[test]
 fn guest_repeats_itself_on_any_number_of_threads() {
-    let (config, scenario) = (config(&["planning.planner=frenet"]), scenario("person_crossing"));
+    let (config, scenario) = (config(&["planning.planner=rrt_star"]), scenario("person_crossing"));
     let on = |threads| guest(&config, &scenario, &StackOptions { threads, ..StackOptions::default() }).digest;
     let once = on(1);
     assert_eq!(once, on(1));
@@ -139,7 +147,7 @@ fn commands_become_visible_after_the_run_times_of_the_stack() {
 
 #[test]
 fn inputs_have_types_readers_and_latencies() {
-    let config = config(&["camera.front={}", "log.sensors=[\"front\"]", "camera.front.timing.transfer_ms=20"]);
+    let config = config(&["camera.front={}", "log.sensors=[\"front\"]", "camera.front.transfer_ms=20"]);
     let stack = Stack::new(&config, &scenario("lane"), &StackOptions::default()).unwrap();
     let of = |name: &str| stack.inputs().find(|input| input.name == name).cloned().unwrap();
     assert_eq!(of("obstacles").payload.name(), "ObstacleList");

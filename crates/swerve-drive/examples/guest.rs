@@ -1,5 +1,5 @@
-//! A world of a few lines in which the stack drives: a street, and a person who crosses it. The world steps 20 times a second
-//! and waits for the stack, whose planner takes its modelled time: `cargo run -p swerve-drive --example guest -- 400`.
+//! A world of a few lines in which the stack drives: a lane, and a person who stops on it. The world steps 20 times a second
+//! and waits for the stack, whose planner takes its modelled time: `cargo run -p swerve-drive --example guest -- 600`.
 
 use swerve_core::{Span, Time};
 use swerve_drive::{Line, Stack, StackOptions};
@@ -27,27 +27,29 @@ fn moved(car: &EgoState, command: Command) -> EgoState {
     }
 }
 
-/// Somebody who walks over the street, 45 m ahead of its begin.
-fn person(at: Time) -> Obstacle {
-    let y_m = (1.6 * at.as_secs() - 6.0).min(5.0);
-    Obstacle {
+/// A person who walks onto the lane 45 m from its begin, stands for four seconds, and walks on; a hedge hides the first steps.
+fn person(at: Time) -> Option<Obstacle> {
+    let t = at.as_secs();
+    let y_m = 1.6 * (t.min(4.0) + (t - 8.0).max(0.0)) - 6.5;
+    let person = Obstacle {
         id: ActorId(1),
         kind: ActorKind::Pedestrian,
         pose: Pose2::new(45.0, y_m, 1.57),
         extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
-        velocity_mps: Vector2::new(0.0, if y_m < 5.0 { 1.6 } else { 0.0 }),
+        velocity_mps: Vector2::new(0.0, if (4.0..8.0).contains(&t) { 0.0 } else { 1.6 }),
         visible_share: 1.0,
-    }
+    };
+    (y_m > -2.0).then_some(person)
 }
 
 fn main() -> anyhow::Result<()> {
     let planner_ms = std::env::args().nth(1).and_then(|ms| ms.parse().ok()).unwrap_or(50.0);
     let runtime = toml::Table::from_iter([("fixed_ms".to_owned(), toml::Value::Float(planner_ms))]);
     let config = Setup::load(None, &[("operator.planner.runtime".into(), runtime.into())])?;
-    let street = Line { lanes_left: 1, ..Line::new(vec![Point2::new(0.0, 0.0), Point2::new(140.0, 0.0)], 10.0) };
+    let street = Line::new(vec![Point2::new(0.0, 0.0), Point2::new(140.0, 0.0)], 10.0);
     let mut stack = Stack::new(&config, &street.scenario()?, &StackOptions::default())?;
     let mut car = EgoState { pose: Pose2::new(2.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
-    while stack.feed_scene(car, vec![person(car.stamp)])?.is_none() {
+    while stack.feed_scene(car, person(car.stamp).into_iter().collect())?.is_none() {
         let commands = stack.advance_to(car.stamp)?;
         car = moved(&car, commands.newest.map_or(Command::default(), |newest| newest.command));
     }

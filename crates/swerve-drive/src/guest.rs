@@ -87,6 +87,8 @@ pub struct Stack {
     referee: Referee,
     /// Instant that the caller advanced to; `None` before the first.
     now: Option<Time>,
+    /// Last publication of a fed message.
+    fed_until: Time,
     until: Time,
     /// True once a pose was fed: the first has to be on the road.
     is_placed: bool,
@@ -179,6 +181,7 @@ impl Stack {
             route,
             referee: Referee::new(vehicle.shape),
             now: None,
+            fed_until: Time::ZERO,
             until,
             is_placed: false,
         };
@@ -291,6 +294,7 @@ impl Stack {
             PlaybackRecord { port, visible_at, pass: 0, watermark: stamp, message: Some(message) };
         self.session.feed(source, record).with_context(|| format!("`{stream}`"))?;
         self.is_placed |= is_pose;
+        self.fed_until = self.fed_until.max(visible_at);
         Ok(())
     }
 
@@ -387,12 +391,15 @@ impl Stack {
         Ok(self.session.newest(watched).map(|(header, payload)| (header, &**payload)))
     }
 
-    /// Ends the run and completes the log. The verdict follows from the states fed to the stream `world`; without them it
+    /// Advances to the last message that was fed, ends the run and completes the log. The verdict follows from the states fed to the stream `world`; without them it
     /// is `unfinished`.
     ///
     /// # Errors
     /// If an operator failed, or the log cannot be written.
     pub fn finish(mut self) -> anyhow::Result<Outcome> {
+        if self.fed_until > self.now() && self.fed_until <= self.until && !self.session.is_stopped() {
+            self.advance_to(self.fed_until)?;
+        }
         self.session.stop("the foreign world ended the run");
         let report = self.session.finish();
         let recorded = lock(&self.recording).take().map(Recording::finish).transpose();
