@@ -1,7 +1,7 @@
-"""A world of a few lines of Python, in which the stack of Swerve drives: a lane with a bend, and a person who stops on it.
+"""A world of a few lines of Python, in which the stack of Swerve drives: a lane with a bend, fog, and a crate that lies there.
 
 The world steps 20 times a second and waits for the stack, whose planner takes its modelled time. `python guest.py 600` gives the
-planner 600 ms: that is too late for the person.
+planner 600 ms: that is too late for the crate.
 """
 
 import math
@@ -13,6 +13,7 @@ from swerve.messages import ActorKind, EgoState, Extent, Obstacle, Pose2, Vector
 STEP_S = 0.05
 WHEELBASE_M = 2.85
 ACCEL_MAX_MPS2, BRAKE_MAX_MPS2 = 3.0, 8.0
+SIGHT_M = 20.0
 
 
 def street() -> list[tuple[float, float]]:
@@ -49,12 +50,10 @@ config = {"operator.planner.runtime": {"fixed_ms": float(sys.argv[1]) if len(sys
 car = Car()
 with swerve.Stack(route=street(), speed_mps=10.0, set=config, out="guest") as stack:
     for k in range(600):
-        t = STEP_S * k  # the person walks, stands for four seconds, and walks on; a hedge hides the first steps
-        pose = Pose2(45.0, 1.6 * (min(t, 4.0) + max(0.0, t - 8.0)) - 6.5, math.pi / 2)
-        walks = Vector2(0.0, 0.0 if 4.0 < t < 8.0 else 1.6)
-        person = Obstacle(1, ActorKind.PEDESTRIAN, pose, Extent(0.5, 0.5, 1.8), walks, 1.0)
-        in_sight = [person] if pose.y_m > -2.0 else []
-        if stack.feed_scene(car.state(round(1e9 * t)), in_sight):
+        t = STEP_S * k
+        crate = Obstacle(1, ActorKind.STATIC, Pose2(50.0, 0.0, 0.0), Extent(1.0, 1.0, 1.0), Vector2(0.0, 0.0), 1.0)
+        is_there = 50.0 - car.x_m < SIGHT_M and t < 10.0  # then somebody takes it away
+        if stack.feed_scene(car.state(round(1e9 * t)), [crate] if is_there else []):
             break
         car.step(stack.advance_to(t))
 print(f"{stack.result.verdict} at {stack.now_s:.2f} s, {stack.result.metrics['min_distance_m']:.2f} m, {stack.result.digest}")

@@ -113,7 +113,7 @@ def test_inputs_have_classes_and_messages_come_back() -> None:
         (lambda s: s.feed_scene(ego(0), [box(0, 5.0)]), "identity 0 is the ego's"),
         (lambda s: (s.advance_to(1.0), s.advance_to(0.5)), "time goes back"),
         (lambda s: (s.advance_to(1.0), s.feed("pose", ego(20))), "before advancing"),
-        (lambda s: s.advance_to(math.nan), "nan s: expected"),
+        (lambda s: s.advance_to(math.nan), "NaN s: expected"),
         (lambda s: s.advance_to(4000.0), "the scenario ends at 3600"),
         (lambda s: s.newest("planer"), "unknown stream `planer`"),
         (lambda s: (s.finish(), s.feed("pose", ego(0))), "the stack has finished"),

@@ -1,4 +1,4 @@
-//! A world of a few lines in which the stack drives: a lane, and a person who stops on it. The world steps 20 times a second
+//! A world of a few lines in which the stack drives: a lane in fog, and a crate that lies there. The world steps 20 times a second
 //! and waits for the stack, whose planner takes its modelled time: `cargo run -p swerve-drive --example guest -- 600`.
 
 use swerve_core::{Span, Time};
@@ -27,19 +27,17 @@ fn moved(car: &EgoState, command: Command) -> EgoState {
     }
 }
 
-/// A person who walks onto the lane 45 m from its begin, stands for four seconds, and walks on; a hedge hides the first steps.
-fn person(at: Time) -> Option<Obstacle> {
-    let t = at.as_secs();
-    let y_m = 1.6 * (t.min(4.0) + (t - 8.0).max(0.0)) - 6.5;
-    let person = Obstacle {
+/// A crate on the lane, for ten seconds and in sight for the last 20 m.
+fn obstacle(car: &EgoState) -> Option<Obstacle> {
+    let there = Obstacle {
         id: ActorId(1),
-        kind: ActorKind::Pedestrian,
-        pose: Pose2::new(45.0, y_m, 1.57),
-        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
-        velocity_mps: Vector2::new(0.0, if (4.0..8.0).contains(&t) { 0.0 } else { 1.6 }),
+        kind: ActorKind::Static,
+        pose: Pose2::new(50.0, 0.0, 0.0),
+        extent: Extent { length_m: 1.0, width_m: 1.0, height_m: 1.0 },
+        velocity_mps: Vector2::new(0.0, 0.0),
         visible_share: 1.0,
     };
-    (y_m > -2.0).then_some(person)
+    (50.0 - car.pose.x_m < 20.0 && car.stamp < Time::from_ms(10_000)).then_some(there)
 }
 
 fn main() -> anyhow::Result<()> {
@@ -49,7 +47,7 @@ fn main() -> anyhow::Result<()> {
     let street = Line::new(vec![Point2::new(0.0, 0.0), Point2::new(140.0, 0.0)], 10.0);
     let mut stack = Stack::new(&config, &street.scenario()?, &StackOptions::default())?;
     let mut car = EgoState { pose: Pose2::new(2.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
-    while stack.feed_scene(car, person(car.stamp).into_iter().collect())?.is_none() {
+    while stack.feed_scene(car, obstacle(&car).into_iter().collect())?.is_none() {
         let commands = stack.advance_to(car.stamp)?;
         car = moved(&car, commands.newest.map_or(Command::default(), |newest| newest.command));
     }
