@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 use criterion::{Criterion, criterion_group, criterion_main};
 use swerve_core::Time;
 use swerve_drive::{Stack, StackOptions};
-use swerve_flow::{Event, PlaybackRecord, RunOptions, run_virtual};
+use swerve_flow::{Event, PlaybackRecord, RunOptions, Sent, run_virtual};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{EgoState, Imu, ObstacleList};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
@@ -25,8 +27,45 @@ fn setup() -> Setup {
     Setup::default()
 }
 
-/// Messages of the world and its sensors in a run: the stream, and the message in CBOR, by instant.
-type Messages = Vec<(Time, String, Vec<u8>)>;
+/// Messages of the world and its sensors in a run, by instant: the stream, and the message.
+type Messages = Vec<(Time, String, Message)>;
+
+/// A message that the stack is fed with.
+#[derive(Clone)]
+enum Message {
+    World(WorldState),
+    Pose(EgoState),
+    Obstacles(ObstacleList),
+    Imu(Imu),
+}
+
+impl Message {
+    /// The message of a stream of the truth pipeline; `None` for other types.
+    fn of(sent: &Sent) -> Option<Self> {
+        let world = || sent.downcast_ref().cloned().map(Self::World);
+        let pose = || sent.downcast_ref().copied().map(Self::Pose);
+        let obstacles = || sent.downcast_ref().cloned().map(Self::Obstacles);
+        world().or_else(pose).or_else(obstacles).or_else(|| sent.downcast_ref().copied().map(Self::Imu))
+    }
+
+    fn feed(self, stack: &mut Stack, stream: &str) -> anyhow::Result<()> {
+        match self {
+            Self::World(message) => stack.feed(stream, message),
+            Self::Pose(message) => stack.feed(stream, message),
+            Self::Obstacles(message) => stack.feed(stream, message),
+            Self::Imu(message) => stack.feed(stream, message),
+        }
+    }
+
+    fn record(self, at: Time) -> PlaybackRecord {
+        match self {
+            Self::World(message) => PlaybackRecord::message(at, at, message),
+            Self::Pose(message) => PlaybackRecord::message(at, at, message),
+            Self::Obstacles(message) => PlaybackRecord::message(at, at, message),
+            Self::Imu(message) => PlaybackRecord::message(at, at, message),
+        }
+    }
+}
 
 fn messages() -> Messages {
     let (setup, scenario) = (setup(), scenario());
@@ -36,16 +75,15 @@ fn messages() -> Messages {
     let kept = heard.clone();
     let mut keeper = move |event: &Event<'_>| {
         if let Event::Publication(p) = event
-            && let Some(payload) = p.payload
+            && let Some(message) = p.payload.and_then(Message::of)
             && inputs.iter().any(|input| input == p.stream)
         {
-            let mut bytes = Vec::new();
-            payload.to_cbor(&mut bytes);
-            kept.lock().expect("one thread").push((p.visible_at, p.stream.to_owned(), bytes));
+            kept.lock().expect("one thread").push((p.visible_at, p.stream.to_owned(), message));
         }
     };
     let pipeline = Pipeline::build(&setup, &scenario).expect("it can be built");
-    run_virtual(pipeline.graph, &RunOptions::until(UNTIL).seed(setup.seed), vec![&mut keeper]).expect("it runs");
+    run_virtual(pipeline.graph, &RunOptions::until(UNTIL).seed(setup.seed), vec![&mut keeper])
+        .expect("it runs");
     core::mem::take(&mut *heard.lock().expect("one thread"))
 }
 
@@ -65,13 +103,7 @@ fn played(messages: &Messages) -> Duration {
     let mut pipeline = Pipeline::build(&setup, &scenario()).expect("it can be built");
     for operator in pipeline.fed.clone() {
         let of = messages.iter().filter(|(_, stream, _)| *stream == operator);
-        let records = of.map(|(at, _, bytes)| {
-            let mut record = PlaybackRecord::message(*at, *at, ());
-            if let Some(message) = &mut record.message {
-                message.payload = swerve_flow::PlaybackPayload::cbor(bytes.clone());
-            }
-            record
-        });
+        let records = of.map(|(at, _, message)| message.clone().record(*at));
         pipeline.graph.playback(&operator, records.collect()).expect("they are of that operator");
     }
     let start = Instant::now();
@@ -82,12 +114,12 @@ fn played(messages: &Messages) -> Duration {
 /// The steps of the stack in a foreign world: messages fed and commands taken at every control step.
 fn guest(messages: &Messages) -> Duration {
     let mut stack = Stack::new(&setup(), &scenario(), &StackOptions::default()).expect("it can be built");
+    let mut next = messages.clone().into_iter().peekable();
     let start = Instant::now();
-    let mut next = messages.iter().peekable();
     for step in 0..=UNTIL.ns() / 1_000_000 / STEP_MS {
         let now = Time::from_ms(step * STEP_MS);
-        while let Some((_, stream, bytes)) = next.next_if(|(at, ..)| *at <= now) {
-            stack.feed_cbor(stream, bytes).expect("it fits");
+        while let Some((_, stream, message)) = next.next_if(|(at, ..)| *at <= now) {
+            message.feed(&mut stack, &stream).expect("it fits");
         }
         black_box(stack.advance_to(now).expect("it runs"));
     }
@@ -102,7 +134,9 @@ fn bench(criterion: &mut Criterion) {
     group.sample_size(20);
     let of = |steps: u64, one: &dyn Fn() -> Duration| (0..steps).map(|_| one()).sum::<Duration>();
     group.bench_function("in a run", |b| b.iter_custom(|steps| of(steps, &run)));
-    group.bench_function("played back, without a world", |b| b.iter_custom(|steps| of(steps, &|| played(&messages))));
+    group.bench_function("played back, without a world", |b| {
+        b.iter_custom(|steps| of(steps, &|| played(&messages)))
+    });
     group.bench_function("as a guest", |b| b.iter_custom(|steps| of(steps, &|| guest(&messages))));
     group.finish();
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::Context as _;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict};
+use pyo3::types::PyDict;
 use swerve::Summary;
 use swerve_core::{Span, Time};
 use swerve_drive::page::page_of_log;
@@ -68,7 +68,8 @@ fn time(seconds: f64) -> PyResult<Time> {
 fn course(way: &Bound<'_, PyDict>) -> PyResult<(Scenario, String, String)> {
     let number = |key: &str| -> PyResult<Option<f64>> { way.get_item(key)?.map(|n| n.extract()).transpose() };
     let points = |key: &str| -> PyResult<Option<Vec<Point2>>> {
-        let points: Option<Vec<(f64, f64)>> = way.get_item(key)?.map(|points| points.extract()).transpose()?;
+        let points: Option<Vec<(f64, f64)>> =
+            way.get_item(key)?.map(|points| points.extract()).transpose()?;
         Ok(points.map(|points| points.into_iter().map(|(x_m, y_m)| Point2::new(x_m, y_m)).collect()))
     };
     if let Some(scenario) = way.get_item("scenario")? {
@@ -200,7 +201,11 @@ impl Guest {
     }
 
     /// Advances to an instant in seconds; returns the newest command, and the commands since the last advance.
-    fn advance_to(&self, py: Python<'_>, seconds: f64) -> PyResult<(Option<CommandFacts>, Vec<CommandFacts>)> {
+    fn advance_to(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+    ) -> PyResult<(Option<CommandFacts>, Vec<CommandFacts>)> {
         let instant = time(seconds)?;
         let commands = py.detach(|| self.with(|stack| stack.advance_to(instant)))?;
         Ok((commands.newest.as_ref().map(facts), commands.new.iter().map(facts).collect()))

@@ -18,7 +18,6 @@ use swerve_stack::Setup;
 use swerve_stack::agent::{Agent, Seat};
 use swerve_stack::pipeline::Pipeline;
 
-
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -100,7 +99,14 @@ fn guest_in_the_simulators_world_has_the_digest_of_a_run() {
         ("person_behind_truck", &["operator.planner.runtime={ fixed_ms = 180 }", "seed=3"]),
         ("person_crossing", &["operator.tracker.runtime={ normal_ms = [30, 8] }"]),
         ("car_behind_truck", &["fault.late={ stream = \"obstacles\", delay_ms = 60 }"]),
-        ("traffic_light", &["perception.detector=efficientdet-d3@v100", "execution.model=static_deadlines"]),
+        (
+            "traffic_light",
+            &[
+                "perception.detector=efficientdet-d3@v100",
+                "execution.model=static_deadlines",
+                "execution.planner_ms=60",
+            ],
+        ),
     ] {
         let (config, scenario) = (config(sets), scenario(name));
         let run = drive(&config, &scenario).unwrap();
@@ -121,13 +127,20 @@ fn guest_repeats_itself_on_any_number_of_threads() {
     let other = StackOptions { seed: Some(9), ..StackOptions::default() };
     let mut other_config = config.clone();
     other_config.seed = 9;
-    assert_eq!(guest(&other_config, &scenario, &other).digest, drive(&other_config, &scenario).unwrap().digest);
+    assert_eq!(
+        guest(&other_config, &scenario, &other).digest,
+        drive(&other_config, &scenario).unwrap().digest
+    );
 }
 
 #[test]
 fn commands_become_visible_after_the_run_times_of_the_stack() {
     let (config, scenario) = (
-        config(&["operator.controller.runtime={ fixed_ms = 4 }", "operator.controller.delay_ms=3", "sim.draws=false"]),
+        config(&[
+            "operator.controller.runtime={ fixed_ms = 4 }",
+            "operator.controller.delay_ms=3",
+            "sim.draws=false",
+        ]),
         scenario("lane"),
     );
     let mut stack = Stack::new(&config, &scenario, &StackOptions::default()).unwrap();
@@ -186,7 +199,8 @@ fn gate_stops_the_car_if_inputs_stop() {
 fn log_of_a_guest_is_whole_after_finish_and_readable_without() {
     let folder = tempfile::tempdir().unwrap();
     let (config, scenario) = (config(&[]), scenario("person_crossing"));
-    let options = |name: &str| StackOptions { log: Some(folder.path().join(name)), ..StackOptions::default() };
+    let options =
+        |name: &str| StackOptions { log: Some(folder.path().join(name)), ..StackOptions::default() };
     let outcome = guest(&config, &scenario, &options("whole.mcap"));
     let log = Log::read(&folder.path().join("whole.mcap")).unwrap();
     assert_eq!(log.end.as_ref().and_then(swerve_log::RunEnd::whole_digest), Some(outcome.digest));

@@ -52,6 +52,9 @@ fn main() -> anyhow::Result<()> {
         car = moved(&car, commands.newest.map_or(Command::default(), |newest| newest.command));
     }
     let outcome = stack.finish()?;
-    println!("{} at {}, {:?} m, {}", outcome.metrics.verdict, car.stamp, outcome.metrics.min_distance_m, outcome.digest);
+    println!(
+        "{} at {}, {:?} m, {}",
+        outcome.metrics.verdict, car.stamp, outcome.metrics.min_distance_m, outcome.digest
+    );
     Ok(())
 }

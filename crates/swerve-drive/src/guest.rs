@@ -20,8 +20,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context as _, anyhow, bail, ensure};
 use swerve_core::{Span, Time};
 use swerve_flow::{
-    ErasedPayload, Event, Header, Observer, Payload, PayloadType, PlaybackMessage, PlaybackPayload, PlaybackRecord,
-    RunOptions, Session, Watched, cbor,
+    ErasedPayload, Event, Header, Observer, Payload, PayloadType, PlaybackMessage, PlaybackPayload,
+    PlaybackRecord, RunOptions, Session, Watched, cbor,
 };
 use swerve_geom::angle_between;
 use swerve_log::Recorder;
@@ -120,10 +120,7 @@ fn guest_setup(config: &Setup, options: &StackOptions) -> anyhow::Result<Setup> 
         bail!("operator.world: the world is the program that feeds the stack: expected no such table");
     }
     let usual = Setup::default().sim.dt_ms;
-    ensure!(
-        setup.sim.dt_ms == usual,
-        "sim.dt_ms: the foreign world has its own step: expected no such key"
-    );
+    ensure!(setup.sim.dt_ms == usual, "sim.dt_ms: the foreign world has its own step: expected no such key");
     setup.sim.guest = true;
     setup.sim.draws = options.draws.unwrap_or(setup.sim.draws);
     setup.seed = options.seed.unwrap_or(setup.seed);
@@ -190,8 +187,7 @@ impl Stack {
 
     /// Passes the events of the run to its observers, in the order of `swerve run`.
     fn observed(mut self, others: Vec<Box<dyn Observer>>) -> Self {
-        let (measured, recording, tape) =
-            (self.measured.clone(), self.recording.clone(), self.tape.clone());
+        let (measured, recording, tape) = (self.measured.clone(), self.recording.clone(), self.tape.clone());
         self.session.observe(Box::new(move |event: &Event<'_>| lock(&measured).event(event)));
         self.session.observe(Box::new(move |event: &Event<'_>| {
             if let Some(recording) = &mut *lock(&recording) {
@@ -268,7 +264,8 @@ impl Stack {
     fn feed_payload(&mut self, stream: &str, bytes: &[u8], payload: PlaybackPayload) -> anyhow::Result<()> {
         let input = self.inputs.named(stream)?;
         let expected = input.stream.payload;
-        let facts = facts(bytes).with_context(|| format!("`{stream}`: expected a message of type {expected}"))?;
+        let facts =
+            facts(bytes).with_context(|| format!("`{stream}`: expected a message of type {expected}"))?;
         if let Some((key, number)) = facts.not_finite {
             bail!("`{stream}`: {key} is {number}: expected a finite number");
         }
@@ -290,8 +287,7 @@ impl Stack {
         }
         let (source, port) = (input.source, input.port);
         let message = PlaybackMessage { stamp, reused_from: None, origin: None, payload };
-        let record =
-            PlaybackRecord { port, visible_at, pass: 0, watermark: stamp, message: Some(message) };
+        let record = PlaybackRecord { port, visible_at, pass: 0, watermark: stamp, message: Some(message) };
         self.session.feed(source, record).with_context(|| format!("`{stream}`"))?;
         self.is_placed |= is_pose;
         self.fed_until = self.fed_until.max(visible_at);
@@ -304,7 +300,11 @@ impl Stack {
     ///
     /// # Errors
     /// As [`feed`](Self::feed), or if the obstacles are not ordered by identity, each once, from 1 on.
-    pub fn feed_scene(&mut self, ego: EgoState, obstacles: Vec<Obstacle>) -> anyhow::Result<Option<EndReason>> {
+    pub fn feed_scene(
+        &mut self,
+        ego: EgoState,
+        obstacles: Vec<Obstacle>,
+    ) -> anyhow::Result<Option<EndReason>> {
         scene::check(&obstacles)?;
         let name = |input: &inputs::Input| input.stream.name.clone();
         let pose = self.inputs.first_of::<EgoState>().map(name);
@@ -372,8 +372,9 @@ impl Stack {
         let Some((header, payload)) = self.newest_any(stream)? else { return Ok(None) };
         let found = payload.type_name();
         let message = payload.as_any().downcast_ref();
-        let message = message
-            .with_context(|| format!("`{stream}`: found messages of type {found}, not {}", PayloadType::of::<T>()))?;
+        let message = message.with_context(|| {
+            format!("`{stream}`: found messages of type {found}, not {}", PayloadType::of::<T>())
+        })?;
         Ok(Some((header, message)))
     }
 
@@ -391,8 +392,8 @@ impl Stack {
         Ok(self.session.newest(watched).map(|(header, payload)| (header, &**payload)))
     }
 
-    /// Advances to the last message that was fed, ends the run and completes the log. The verdict follows from the states fed to the stream `world`; without them it
-    /// is `unfinished`.
+    /// Advances to the last message that was fed, ends the run and completes the log. The verdict follows from the states
+    /// fed to the stream `world`; without them it is `unfinished`.
     ///
     /// # Errors
     /// If an operator failed, or the log cannot be written.
@@ -439,7 +440,8 @@ const BEYOND_ENDS_M: f64 = 20.0;
 /// Refuses an ego that starts off the road, or against it.
 fn check_start(stream: &str, ego: &EgoState, route: &Route) -> anyhow::Result<()> {
     let place = route.project(ego.pose.point());
-    let (left_m, right_m, length_m) = (route.left_m(place.s_m), route.right_m(place.s_m), route.line().length());
+    let (left_m, right_m, length_m) =
+        (route.left_m(place.s_m), route.right_m(place.s_m), route.line().length());
     let beside_m = (place.d_m - left_m).max(-right_m - place.d_m);
     let beyond_m = (-place.s_m).max(place.s_m - length_m) - BEYOND_ENDS_M;
     let (x_m, y_m) = (ego.pose.x_m, ego.pose.y_m);

@@ -22,7 +22,8 @@ use crate::report::{EndReason, RunError, RunReport};
 /// ([`newest`](Self::newest)) and provides data: through the inputs of an operator before which the session holds
 /// ([`hold_before`](Self::hold_before)), through the handles of the graph's [sources](Graph::source), or for later
 /// instants ([`feed`](Self::feed)). Data given to the handle of a source while the session holds is published at the
-/// current instant; data given between two instants, one nanosecond after the last. So the result is a function of the graph, the seed, and the data with its times.
+/// current instant; data given between two instants, one nanosecond after the last. So the result is a function of the
+/// graph, the seed, and the data with its times.
 pub struct Session<'o> {
     engine: Engine<'o>,
     inbox: Arc<Inbox>,

@@ -31,7 +31,10 @@ fn refused<T>(result: anyhow::Result<T>, words: &[&str]) {
 #[test]
 fn messages_that_do_not_fit_are_refused() {
     let mut stack = stack();
-    refused(stack.feed("obstacle", ObstacleList::default()), &["unknown input stream `obstacle`", "did you mean `obstacles`?"]);
+    refused(
+        stack.feed("obstacle", ObstacleList::default()),
+        &["unknown input stream `obstacle`", "did you mean `obstacles`?"],
+    );
     refused(stack.feed("planner", ObstacleList::default()), &["unknown input stream `planner`", "obstacles"]);
     refused(stack.feed("pose", Imu::default()), &["`pose`", "expected messages of type EgoState, found Imu"]);
     refused(stack.feed_cbor("pose", b"\xff\x00"), &["`pose`", "expected a message of type EgoState"]);
@@ -43,7 +46,10 @@ fn messages_that_do_not_fit_are_refused() {
     stack.feed("pose", pose(0)).unwrap();
     refused(stack.feed("pose", pose(0)), &["`pose`", "expected one after 0.000 s"]);
     stack.advance_to(at(20)).unwrap();
-    refused(stack.feed("pose", pose(20)), &["`pose`: stamp 0.020 s", "advanced to 0.020 s", "before advancing"]);
+    refused(
+        stack.feed("pose", pose(20)),
+        &["`pose`: stamp 0.020 s", "advanced to 0.020 s", "before advancing"],
+    );
     stack.feed("pose", pose(30)).unwrap();
     assert!(stack.advance_to(at(30)).is_ok());
 }
@@ -78,10 +84,16 @@ fn an_ego_that_starts_off_the_road_is_refused() {
 #[test]
 fn configurations_of_another_world_are_refused() {
     let of = |sets: &[&str]| Stack::new(&config(sets), &scenario("lane"), &StackOptions::default());
-    refused(of(&["operator.world.delay_ms=1"]), &["operator.world: the world is the program that feeds the stack"]);
+    refused(
+        of(&["operator.world.delay_ms=1"]),
+        &["operator.world: the world is the program that feeds the stack"],
+    );
     refused(of(&["sim.dt_ms=10"]), &["sim.dt_ms: the foreign world has its own step"]);
     refused(of(&["clock.source=wall"]), &["clock.source", "expected \"virtual\""]);
-    refused(of(&["operator.obstacles.runtime={ fixed_ms = 5 }"]), &["operator.obstacles.runtime", "delay_ms"]);
+    refused(
+        of(&["operator.obstacles.runtime={ fixed_ms = 5 }"]),
+        &["operator.obstacles.runtime", "delay_ms"],
+    );
     let several = Stack::new(&config(&[]), &scenario("maps/two_egos"), &StackOptions::default());
     refused(several, &["several egos"]);
 }
@@ -99,5 +111,8 @@ fn streams_that_are_read_have_to_exist() {
 #[test]
 fn a_run_without_its_world_is_refused() {
     let config = config(&["sim.guest=true"]);
-    refused(swerve_drive::drive(&config, &scenario("lane")), &["sim.guest: there is no world", "swerve.Stack"]);
+    refused(
+        swerve_drive::drive(&config, &scenario("lane")),
+        &["sim.guest: there is no world", "swerve.Stack"],
+    );
 }

@@ -58,7 +58,8 @@ impl Tape {
 
 impl Observer for Tape {
     fn event(&mut self, event: &Event<'_>) {
-        let Event::Publication(Publication { operator, visible_at, origin, payload: Some(payload), .. }) = event
+        let Event::Publication(Publication { operator, visible_at, origin, payload: Some(payload), .. }) =
+            event
         else {
             return;
         };

@@ -131,7 +131,8 @@ pub fn scenario_on_map(
     target_speed_mps: Option<f64>,
     timeout_s: f64,
 ) -> anyhow::Result<Scenario> {
-    let text = swerve_text::read_string(map, MAP_MAX).with_context(|| format!("reading {}", map.display()))?;
+    let text =
+        swerve_text::read_string(map, MAP_MAX).with_context(|| format!("reading {}", map.display()))?;
     let place = |point: Point2| format!("{{ x_m = {:?}, y_m = {:?} }}", point.x_m, point.y_m);
     let speed = target_speed_mps.map_or_else(String::new, |speed| format!("target_speed_mps = {speed:?}\n"));
     let file = map.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -140,7 +141,8 @@ pub fn scenario_on_map(
         place(start),
         place(goal)
     );
-    Scenario::parse_on("route", &scenario, Some(&text.into()), &[]).map_err(|problems| problems_error(&problems))
+    Scenario::parse_on("route", &scenario, Some(&text.into()), &[])
+        .map_err(|problems| problems_error(&problems))
 }
 
 /// Size of a map's file at most, bytes.

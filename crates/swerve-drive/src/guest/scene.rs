@@ -6,9 +6,7 @@ use anyhow::{bail, ensure};
 use swerve_core::{Span, Time};
 use swerve_geom::{LineTracker, Obb, Point, Point2, Transform, Vector, math};
 use swerve_map::Route;
-use swerve_msg::truth::{
-    Actor, Collision, EgoTruth, EndReason, Infraction, InfractionKind, WorldState,
-};
+use swerve_msg::truth::{Actor, Collision, EgoTruth, EndReason, Infraction, InfractionKind, WorldState};
 use swerve_msg::{ActorId, EgoState, Obstacle};
 use swerve_scenario::{Course, Scenario};
 use swerve_vehicle::Shape;
@@ -118,7 +116,10 @@ impl Referee {
 /// Refuses obstacles that cannot be on a road, and identities that are not unique.
 pub(super) fn check(obstacles: &[Obstacle]) -> anyhow::Result<()> {
     if let Some(k) = obstacles.iter().position(|obstacle| !obstacle.is_plausible()) {
-        bail!("obstacles[{k}]: expected finite numbers that are possible on a road, found {:?}", obstacles[k]);
+        bail!(
+            "obstacles[{k}]: expected finite numbers that are possible on a road, found {:?}",
+            obstacles[k]
+        );
     }
     for pair in obstacles.windows(2) {
         let [a, b] = [pair[0].id.0, pair[1].id.0];
