@@ -100,7 +100,7 @@ fn guest_in_the_simulators_world_has_the_digest_of_a_run() {
         ("person_crossing", &["operator.tracker.runtime={ normal_ms = [30, 8] }"]),
         ("car_behind_truck", &["fault.late={ stream = \"obstacles\", delay_ms = 60 }"]),
         (
-            "traffic_light",
+            "person_crossing",
             &[
                 "perception.detector=efficientdet-d3@v100",
                 "execution.model=static_deadlines",

@@ -25,7 +25,7 @@ use swerve_flow::{
 };
 use swerve_geom::angle_between;
 use swerve_log::Recorder;
-use swerve_msg::truth::{EndReason, WorldState};
+use swerve_msg::truth::{EndReason, Surroundings, WorldState};
 use swerve_msg::{EgoState, Obstacle, ObstacleList, Route};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
@@ -295,7 +295,7 @@ impl Stack {
     }
 
     /// Feeds a world without sensors: the ego and everybody else as they are at the ego's stamp. The stack gets them as the
-    /// first inputs of [`EgoState`] and [`ObstacleList`], the log and the metrics as [`WorldState`] of the stream `world`, with
+    /// first inputs of [`EgoState`], [`ObstacleList`] and [`Surroundings`], the log and the metrics as [`WorldState`] of the stream `world`, with
     /// the collisions of the ego, the road that it leaves, and the end of the scenario: this function returns its reason.
     ///
     /// # Errors
@@ -309,6 +309,7 @@ impl Stack {
         let name = |input: &inputs::Input| input.stream.name.clone();
         let pose = self.inputs.first_of::<EgoState>().map(name);
         let list = self.inputs.first_of::<ObstacleList>().map(name);
+        let seen = self.inputs.first_of::<Surroundings>().map(name);
         let world = self.inputs.first_of::<WorldState>().map(name);
         // The pose first: a scene that is refused leaves no trace.
         if let Some(pose) = pose {
@@ -318,6 +319,10 @@ impl Stack {
         let ended = state.ended;
         if let Some(world) = world {
             self.feed(&world, state)?;
+        }
+        if let Some(seen) = seen {
+            let (stamp, ego, obstacles) = (ego.stamp, ego.pose, obstacles.clone());
+            self.feed(&seen, Surroundings { stamp, ego, obstacles })?;
         }
         if let Some(list) = list {
             self.feed(&list, ObstacleList { stamp: ego.stamp, obstacles })?;

@@ -47,7 +47,7 @@ impl Inputs {
         let mut inputs = BTreeMap::new();
         for placed in assembly.operators().iter().filter(|placed| fed.contains(&placed.name)) {
             let Some(source) = session.source(&placed.name) else { continue };
-            for (port, output) in placed.outputs.iter().enumerate().filter(|(_, output)| !output.silent) {
+            for (port, output) in placed.outputs.iter().enumerate() {
                 let stream = InputStream {
                     name: output.stream.clone(),
                     payload: output.port.payload,
@@ -79,7 +79,7 @@ impl Inputs {
         })
     }
 
-    /// First input with messages of this type that the stack reads.
+    /// First input with messages of this type, by name.
     pub(super) fn first_of<T: Payload>(&self) -> Option<&Input> {
         self.0.values().find(|input| input.stream.payload == PayloadType::of::<T>())
     }
