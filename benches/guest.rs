@@ -2,9 +2,10 @@
 
 use std::hint::black_box;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use swerve_benches::now;
 use swerve_core::Time;
 use swerve_drive::{Stack, StackOptions};
 use swerve_flow::{Event, PlaybackRecord, RunOptions, Sent, run_virtual};
@@ -33,7 +34,7 @@ type Messages = Vec<(Time, String, Message)>;
 /// A message that the stack is fed with.
 #[derive(Clone)]
 enum Message {
-    World(WorldState),
+    World(Box<WorldState>),
     Pose(EgoState),
     Obstacles(ObstacleList),
     Imu(Imu),
@@ -42,7 +43,7 @@ enum Message {
 impl Message {
     /// The message of a stream of the truth pipeline; `None` for other types.
     fn of(sent: &Sent) -> Option<Self> {
-        let world = || sent.downcast_ref().cloned().map(Self::World);
+        let world = || sent.downcast_ref().cloned().map(Box::new).map(Self::World);
         let pose = || sent.downcast_ref().copied().map(Self::Pose);
         let obstacles = || sent.downcast_ref().cloned().map(Self::Obstacles);
         world().or_else(pose).or_else(obstacles).or_else(|| sent.downcast_ref().copied().map(Self::Imu))
@@ -50,7 +51,7 @@ impl Message {
 
     fn feed(self, stack: &mut Stack, stream: &str) -> anyhow::Result<()> {
         match self {
-            Self::World(message) => stack.feed(stream, message),
+            Self::World(message) => stack.feed(stream, *message),
             Self::Pose(message) => stack.feed(stream, message),
             Self::Obstacles(message) => stack.feed(stream, message),
             Self::Imu(message) => stack.feed(stream, message),
@@ -59,7 +60,7 @@ impl Message {
 
     fn record(self, at: Time) -> PlaybackRecord {
         match self {
-            Self::World(message) => PlaybackRecord::message(at, at, message),
+            Self::World(message) => PlaybackRecord::message(at, at, *message),
             Self::Pose(message) => PlaybackRecord::message(at, at, message),
             Self::Obstacles(message) => PlaybackRecord::message(at, at, message),
             Self::Imu(message) => PlaybackRecord::message(at, at, message),
@@ -91,7 +92,7 @@ fn messages() -> Messages {
 fn run() -> Duration {
     let mut pipeline = Pipeline::build(&setup(), &scenario()).expect("it can be built");
     pipeline.until = UNTIL;
-    let start = Instant::now();
+    let start = now();
     black_box(swerve_drive::drive_pipeline(pipeline, 1, 1, &mut []).expect("it runs"));
     start.elapsed()
 }
@@ -106,7 +107,7 @@ fn played(messages: &Messages) -> Duration {
         let records = of.map(|(at, _, message)| message.clone().record(*at));
         pipeline.graph.playback(&operator, records.collect()).expect("they are of that operator");
     }
-    let start = Instant::now();
+    let start = now();
     black_box(run_virtual(pipeline.graph, &RunOptions::until(UNTIL).seed(1), Vec::new()).expect("it runs"));
     start.elapsed()
 }
@@ -115,7 +116,7 @@ fn played(messages: &Messages) -> Duration {
 fn guest(messages: &Messages) -> Duration {
     let mut stack = Stack::new(&setup(), &scenario(), &StackOptions::default()).expect("it can be built");
     let mut next = messages.clone().into_iter().peekable();
-    let start = Instant::now();
+    let start = now();
     for step in 0..=UNTIL.ns() / 1_000_000 / STEP_MS {
         let now = Time::from_ms(step * STEP_MS);
         while let Some((_, stream, message)) = next.next_if(|(at, ..)| *at <= now) {

@@ -295,8 +295,9 @@ impl Stack {
     }
 
     /// Feeds a world without sensors: the ego and everybody else as they are at the ego's stamp. The stack gets them as the
-    /// first inputs of [`EgoState`], [`ObstacleList`] and [`Surroundings`], the log and the metrics as [`WorldState`] of the stream `world`, with
-    /// the collisions of the ego, the road that it leaves, and the end of the scenario: this function returns its reason.
+    /// first inputs of [`EgoState`], [`ObstacleList`] and [`Surroundings`]; the log and the metrics get [`WorldState`] on
+    /// the stream `world`, with the collisions of the ego, the road that it leaves, and the end of the scenario. Returns
+    /// the reason for the end, if the scenario is over.
     ///
     /// # Errors
     /// As [`feed`](Self::feed), or if the obstacles are not ordered by identity, each once, from 1 on.

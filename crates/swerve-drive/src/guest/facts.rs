@@ -60,7 +60,7 @@ impl<'a> Scan<'a> {
         let (major, info) = (first >> 5, first & 31);
         let argument = match info {
             0..=23 => u64::from(info),
-            24..=27 => self.take(1 << (info - 24))?.iter().fold(0, |sum, byte| sum << 8 | u64::from(*byte)),
+            24..=27 => self.take(1 << (info - 24))?.iter().fold(0, |sum, byte| (sum << 8) | u64::from(*byte)),
             _ => return None,
         };
         Some((major, info, argument))

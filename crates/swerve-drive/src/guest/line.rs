@@ -210,7 +210,7 @@ impl Piece {
         const PARTS: usize = 16;
         let speed = |p: f64| {
             let slope = |[_, b, c, d]: [f64; 4]| b + p * (2.0 * c + p * 3.0 * d);
-            slope(self.u).hypot(slope(self.v))
+            math::hypot(slope(self.u), slope(self.v))
         };
         let weight = |k: usize| if k == 0 || k == PARTS { 1.0 } else { 2.0 + 2.0 * (k % 2) as f64 };
         let sum: f64 = (0..=PARTS).map(|k| weight(k) * speed(k as f64 / PARTS as f64)).sum();
