@@ -8,6 +8,7 @@
 //! | `background.rs` | long work on a thread, while Python checks for Ctrl-C |
 //! | `run.rs`, `study.rs`, `log.rs`, `command.rs` | one function each |
 //! | `gym/` | drives stepped by an agent |
+//! | `guest.rs` | the stack in a foreign world, stepped from Python |
 //! | `map.rs` | the lanes of a road or map |
 //! | `worker.rs` | operators written in Python, in separate processes |
 //! | `algorithms.rs` | algorithms written in Python, called by operators of the stack |
@@ -18,6 +19,7 @@ mod algorithms;
 mod background;
 mod command;
 mod convert;
+mod guest;
 mod gym;
 mod log;
 mod map;
@@ -36,6 +38,7 @@ fn _swerve(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<streams::StreamData>()?;
     module.add_class::<numbers::Numbers>()?;
     module.add_class::<gym::Drives>()?;
+    module.add_class::<guest::Guest>()?;
     module.add_class::<map::Lanes>()?;
     module.add_function(wrap_pyfunction!(command::host, module)?)?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;

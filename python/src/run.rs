@@ -41,6 +41,31 @@ pub(crate) struct Inputs {
     scenario_file: String,
 }
 
+/// Reads and checks a configuration.
+pub(crate) fn load_config(
+    config: Option<&FileOr<'_>>,
+    set: Option<&Bound<'_, PyDict>>,
+    seed: Option<i64>,
+    code: CodeArgs,
+) -> PyResult<Setup> {
+    let mut sets = sets(set)?;
+    sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
+    let loaded = match config {
+        None => Setup::load(None, &sets),
+        Some(FileOr::File(path)) => {
+            Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets)
+        }
+        Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
+            .map_err(swerve_text::Problems::from)
+            .and_then(|document| Setup::from_document(&document, &sets)),
+    };
+    let is_file = matches!(config, Some(FileOr::File(_)));
+    let mut loaded = loaded.map_err(|problems| error(problems_error(&problems)))?;
+    // A dictionary comes from the calling program itself and is trusted.
+    CodeArgs { allow_code: code.allow_code || !is_file }.apply(&mut loaded);
+    Ok(loaded)
+}
+
 impl Inputs {
     /// Reads and checks the inputs.
     pub(crate) fn load(
@@ -50,22 +75,7 @@ impl Inputs {
         seed: Option<i64>,
         code: CodeArgs,
     ) -> PyResult<Self> {
-        let mut sets = sets(set)?;
-        sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
-        let config_of = config;
-        let config = match config_of {
-            None => Setup::load(None, &sets),
-            Some(FileOr::File(path)) => {
-                Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets)
-            }
-            Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
-                .map_err(swerve_text::Problems::from)
-                .and_then(|document| Setup::from_document(&document, &sets)),
-        };
-        let is_file = matches!(config_of, Some(FileOr::File(_)));
-        let mut config = config.map_err(|problems| error(problems_error(&problems)))?;
-        // A dictionary comes from the calling program itself and is trusted.
-        CodeArgs { allow_code: code.allow_code || !is_file }.apply(&mut config);
+        let config = load_config(config, set, seed, code)?;
         let (scenario, scenario_text, scenario_file) = load_scenario(scenario)?;
         Ok(Self { config, scenario, scenario_text, scenario_file })
     }
@@ -175,12 +185,18 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
 
 /// Creates a log; replaces an earlier log, but no other file.
 fn recorder(path: &Path, start: &RunStart, config: &Setup, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
-    if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
-        std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
-    }
+    remove_log(path)?;
     let mut recorder = Recorder::create(path, start)?;
     set_up(&mut recorder, config, pipeline);
     Ok(recorder)
+}
+
+/// Removes an earlier log, but no other file.
+pub(crate) fn remove_log(path: &Path) -> anyhow::Result<()> {
+    if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
+        std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
+    }
+    Ok(())
 }
 
 /// Runs a scenario; returns the result as a dictionary.

@@ -5,7 +5,7 @@
 >>> result.verdict, result.digest
 >>> result.streams["pose"]["speed_mps"]
 
-`swerve.gym` has the environments, `swerve.messages` the messages of streams. `swerve.Planner`, `Predictor` and `Tracker` are
+`swerve.Stack` is the stack in a foreign world. `swerve.gym` has the environments, `swerve.messages` the messages of streams. `swerve.Planner`, `Predictor` and `Tracker` are
 the base classes of algorithms, `swerve.Operator` that of operators.
 """
 
@@ -20,6 +20,7 @@ from .logs import Log, read_log
 from .maps import Lane, Map, Place, read_map
 from .operators import Frame, Operator
 from .runs import Result, run
+from .stacks import Commanded, Input, Stack
 from .streams import Stream
 from .studies import StudyResult, study
 
@@ -29,7 +30,9 @@ __version__: str = _swerve.__version__
 _swerve.host(sys.executable, ["-m", "swerve"], _swerve.__file__)
 
 __all__ = [
+    "Commanded",
     "Frame",
+    "Input",
     "Lane",
     "Log",
     "Map",
@@ -40,6 +43,7 @@ __all__ = [
     "Predictor",
     "Result",
     "Route",
+    "Stack",
     "Stream",
     "StudyResult",
     "Tracker",

@@ -1,4 +1,4 @@
-"""The page on Python, block by block, from an empty folder."""
+"""The pages on Python, block by block, from an empty folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/howto/python.md").read_text()
-BLOCKS = [(info.split(), text) for info, text in re.findall(r"^```(.*)\n((?:.*\n)*?)```$", PAGE, re.MULTILINE)]
+GUEST = (ROOT / "docs/howto/guest.md").read_text()
+BLOCKS = [(info.split(), text) for info, text in re.findall(r"^```(.*)\n((?:.*\n)*?)```$", PAGE + GUEST, re.MULTILINE)]
 
 
 def python(*words: str, folder: Path) -> str:

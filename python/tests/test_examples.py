@@ -54,6 +54,20 @@ def test_the_detector_drives_as_the_program_has_it(tmp_path: Path) -> None:
     assert digest and f"digest {digest[1]}\n" in said, said
 
 
+def test_the_guest_avoids_the_person_and_its_log_is_verified(tmp_path: Path) -> None:
+    said = python(tmp_path, EXAMPLES / "guest.py")
+    assert said.startswith("avoided at "), said
+    replayed = python(tmp_path, "-m", "swerve", "replay", "guest", "--verify")
+    assert said.split()[-1] in replayed, replayed
+    assert len((EXAMPLES / "guest.py").read_text().splitlines()) <= 60
+
+
+def test_the_guest_drives_in_highway_env(tmp_path: Path) -> None:
+    pytest.importorskip("highway_env")
+    said = python(tmp_path, EXAMPLES / "highway_guest.py")
+    assert "crashed: False" in said, said
+
+
 def test_the_study_of_detectors_and_the_network_are_valid_configurations(tmp_path: Path) -> None:
     for name in ("detector_study.toml", "onnx_detector.toml"):
         assert python(tmp_path, "-m", "swerve", "check", EXAMPLES / name)

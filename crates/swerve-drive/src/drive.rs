@@ -133,6 +133,10 @@ pub fn drive_recorded(
     threads: usize,
     (of_all, of_first): (&mut [&mut dyn Observer], &mut [&mut dyn Observer]),
 ) -> anyhow::Result<Outcome> {
+    anyhow::ensure!(
+        pipeline.fed.is_empty(),
+        "sim.guest: there is no world: only a program that feeds the stack can run it (swerve_drive::Stack, swerve.Stack)"
+    );
     let stacks = pipeline.stacks();
     let measured: anyhow::Result<Vec<Measured>> =
         stacks.iter().map(|stack| Measured::new(&pipeline, stack)).collect();

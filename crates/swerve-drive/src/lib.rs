@@ -5,6 +5,7 @@
 
 mod drive;
 mod ego;
+mod guest;
 mod lights;
 mod load;
 mod measured;
@@ -34,6 +35,7 @@ pub use drive::{
     record_run_times,
 };
 pub use ego::{EgoRun, OfEgo, of_ego};
+pub use guest::{Commanded, Commands, InputStream, Line, Stack, StackOptions, scenario_on_map};
 pub use lights::light_courses;
 pub use load::{
     RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,

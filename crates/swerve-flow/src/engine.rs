@@ -19,7 +19,7 @@ use swerve_core::Time;
 
 use crate::alarm::Pace;
 use crate::decision::{Decision, DropReason, Replay};
-use crate::observer::{Dropped, Event, Observer};
+use crate::observer::{Dropped, Event, Watcher};
 use crate::pending::Pending;
 use crate::report::{EndReason, RunError, RunReport};
 use commits::Commits;
@@ -51,7 +51,7 @@ pub(crate) struct Engine<'o> {
     replay: Option<Replay>,
     digest: Commits,
     instants: u64,
-    observers: Vec<&'o mut dyn Observer>,
+    observers: Vec<Watcher<'o>>,
     /// True if an observer uses the duration of steps on the host.
     host_time: bool,
     /// Reason why the run ends after this sweep.
@@ -60,9 +60,9 @@ pub(crate) struct Engine<'o> {
 }
 
 /// Passes an event to the observers, while the event borrows other parts of the engine.
-fn tell(observers: &mut [&mut dyn Observer], event: &Event<'_>) {
+fn tell(observers: &mut [Watcher<'_>], event: &Event<'_>) {
     for observer in observers {
-        observer.event(event);
+        observer.get().event(event);
     }
 }
 

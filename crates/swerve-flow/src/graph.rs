@@ -252,6 +252,17 @@ impl Graph {
         Ok(())
     }
 
+    /// Replaces an operator by a source that a [`Session`](crate::Session) feeds, with the same streams: its steps are
+    /// not executed, its inputs are not read. It stays an [`origin`](OperatorRef::origin) if it was one.
+    ///
+    /// # Errors
+    /// If there is no operator of this name.
+    pub fn feed_outside(&mut self, name: &str) -> Result<(), GraphError> {
+        self.playback(name, Vec::new())?;
+        self.sources.push(self.index_of(name)?);
+        Ok(())
+    }
+
     /// Sets the intervals (start, end) in which the steps of a played-back operator held slots of its resource, so that
     /// other operators wait for them as before.
     ///

@@ -138,7 +138,7 @@ pub use runtime::{RecordedTimes, RuntimeModel};
 #[doc(hidden)]
 pub use sent::Outs;
 pub use sent::Sent;
-pub use session::{Reached, Session, Watched};
+pub use session::{Fed, FeedError, Reached, Session, Watched};
 pub use stream::{AnyFeedback, AnyStream, Feedback, Source, Stream};
 pub use swerve_flow_derive::{Inputs, Outputs};
 pub use virtual_time::{run_replay, run_virtual};

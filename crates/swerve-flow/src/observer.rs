@@ -31,6 +31,24 @@ impl<F: FnMut(&Event<'_>) + Send> Observer for F {
     }
 }
 
+/// An observer of an engine.
+pub(crate) enum Watcher<'o> {
+    /// It is the caller's.
+    Lent(&'o mut dyn Observer),
+    /// The engine drops it.
+    Owned(Box<dyn Observer>),
+}
+
+impl Watcher<'_> {
+    #[inline]
+    pub(crate) fn get(&mut self) -> &mut dyn Observer {
+        match self {
+            Self::Lent(observer) => &mut **observer,
+            Self::Owned(observer) => &mut **observer,
+        }
+    }
+}
+
 /// Event that an observer receives.
 #[derive(Clone, Debug)]
 pub enum Event<'a> {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
+use thiserror::Error;
 
 use crate::engine::Engine;
 use crate::error::GraphError;
@@ -12,15 +13,17 @@ use crate::message::{Header, Msg};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::payload::ErasedPayload;
+use crate::playback::PlaybackRecord;
 use crate::report::{EndReason, RunError, RunReport};
 
 /// A run in virtual time that its caller advances.
 ///
 /// Its result is that of [`run_virtual`](crate::run_virtual). In between, the caller reads streams
 /// ([`newest`](Self::newest)) and provides data: through the inputs of an operator before which the session holds
-/// ([`hold_before`](Self::hold_before)), or through the handles of the graph's [sources](Graph::source). Data given to
-/// a source while the session holds is published at the current instant; data given between two instants, one
-/// nanosecond after the last. So the result is a function of the graph, the seed, and the data with its times.
+/// ([`hold_before`](Self::hold_before)), through the handles of the graph's [sources](Graph::source), or for later
+/// instants ([`feed`](Self::feed)). Data given to the handle of a source while the session holds is published at the
+/// current instant; data given between two instants, one nanosecond after the last. So the result is a function of the
+/// graph, the seed, and the data with its times.
 pub struct Session<'o> {
     engine: Engine<'o>,
     inbox: Arc<Inbox>,
@@ -48,6 +51,42 @@ fn carried(message: &Msg) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
     Some((&message.header, &message.sent.made()?.payload))
 }
 
+/// A source that the caller of a session feeds: [`Session::source`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fed(usize);
+
+/// Reason why a session refused a record.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum FeedError {
+    /// The instant of the record is over.
+    #[error("instant {at} is over: the session is at {now}")]
+    Past {
+        /// Instant of the record.
+        at: Time,
+        /// Current instant of the session.
+        now: Time,
+    },
+    /// A message does not follow those before it on its stream.
+    #[error("stamp {stamp}: expected one after {after}, up to which the stream is complete")]
+    NotAfter {
+        /// Stamp of the message.
+        stamp: Time,
+        /// Watermark of the stream.
+        after: Time,
+    },
+    /// A message would complete its stream beyond the stamp of a message that follows.
+    #[error("stamp {stamp}: expected one before {before}, the stamp of a message that follows")]
+    NotBefore {
+        /// Stamp of the message.
+        stamp: Time,
+        /// Stamp of the message that follows.
+        before: Time,
+    },
+    /// The source has no such output, or its messages are of another type.
+    #[error("{0}")]
+    Type(String),
+}
+
 /// A stream whose newest messages are kept: [`Session::watch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watched(usize);
@@ -67,6 +106,30 @@ impl<'o> Session<'o> {
         engine.wake_all();
         let until = options.until.unwrap_or(Time::MAX);
         Ok(Self { engine, inbox, until, before: None, begun: false, holds: false })
+    }
+
+    /// Passes all events from now on to an observer that the session owns.
+    pub fn observe(&mut self, observer: Box<dyn Observer>) {
+        self.engine.observe(observer);
+    }
+
+    /// The source of this name, for [`feed`](Self::feed); `None` if there is no such operator, or it has steps.
+    pub fn source(&self, operator: &str) -> Option<Fed> {
+        self.engine.rank(operator).filter(|rank| self.engine.is_feed(*rank)).map(Fed)
+    }
+
+    /// Gives a source a record to publish at the record's instant, in the turn of the source. A bare watermark that is
+    /// not above that of the stream is ignored.
+    ///
+    /// # Errors
+    /// If the instant is over, the type is wrong, or the stamps on a stream would not increase.
+    pub fn feed(&mut self, source: Fed, record: PlaybackRecord) -> Result<(), FeedError> {
+        let (at, now) = (record.visible_at, self.engine.now());
+        let is_over = if self.begun { at <= now && !(self.holds && at == now) } else { at < Time::ZERO };
+        if is_over {
+            return Err(FeedError::Past { at, now });
+        }
+        self.engine.feed(source.0, record)
     }
 
     /// From now on, holds before each turn of this operator in which a frame opens for it.
@@ -98,6 +161,11 @@ impl<'o> Session<'o> {
     /// Error of the run, if it failed.
     pub fn failure(&self) -> Option<&RunError> {
         self.engine.failure()
+    }
+
+    /// True if the run was stopped before its end: by an operator, an error, [`stop`](Self::stop) or a handle.
+    pub fn is_stopped(&self) -> bool {
+        self.engine.is_over() || self.inbox.is_stopped()
     }
 
     /// Current instant.
@@ -164,6 +232,11 @@ impl<'o> Session<'o> {
         }
         self.engine.begin(next);
         None
+    }
+
+    /// Ends the run after its current instant, for this reason, as an operator can.
+    pub fn stop(&mut self, reason: &str) {
+        self.engine.stop(reason);
     }
 
     /// Ends the run at its current instant and returns its report.

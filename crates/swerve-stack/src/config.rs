@@ -200,6 +200,9 @@ pub struct SimConfig {
     pub dt_ms: f64,
     /// Draws start, speed, phases and triggers from the seed; if false, all are exactly as in the scenario.
     pub draws: bool,
+    /// True in the logs of a stack in a foreign world (`swerve.Stack`): the world and its sensors are fed, not simulated.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub guest: bool,
     /// Car of the ego; keys of `vehicle` override its values.
     pub car: Car,
     /// The ego vehicle.
@@ -208,7 +211,7 @@ pub struct SimConfig {
 
 impl Default for SimConfig {
     fn default() -> Self {
-        Self { dt_ms: 5.0, draws: true, car: Car::default(), vehicle: VehicleParams::default() }
+        Self { dt_ms: 5.0, draws: true, guest: false, car: Car::default(), vehicle: VehicleParams::default() }
     }
 }
 

@@ -51,6 +51,8 @@ pub struct Pipeline {
     pub memory: BTreeMap<String, StreamMemory>,
     /// Clock of the run.
     pub clock: Clock,
+    /// World and sensors that the caller of a [`Session`](swerve_flow::Session) feeds under `sim.guest`; else empty.
+    pub fed: Vec<String>,
     /// Handles of inputs from outside, by operator.
     sources: BTreeMap<String, Box<dyn Any + Send>>,
     /// Shared resources of cameras and lidars, if there are any.
@@ -128,13 +130,14 @@ fn world_of(assembly: &Assembly) -> anyhow::Result<&str> {
 }
 
 impl Pipeline {
-    /// Builds the pipeline of `config` around the world of `scenario`, or around the vehicle of `[live]`.
+    /// Builds the pipeline of `config` around the world of `scenario`, around the vehicle of `[live]`, or under
+    /// `sim.guest` without a world: its caller feeds world and sensors.
     ///
     /// # Errors
     /// If the configuration requests something unavailable.
     pub fn build(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
         let pipeline = Self::build_without_stage(setup, scenario)?;
-        if let Some(stage) = &pipeline.stage {
+        if let Some(stage) = pipeline.stage.as_ref().filter(|_| pipeline.fed.is_empty()) {
             stage.raise(setup, &pipeline.scenario).context("building the pipeline")?;
         }
         Ok(pipeline)
@@ -172,8 +175,9 @@ impl Pipeline {
             false => Namespace::new(&scenario.ego_name, true, world_of(&assembly)?),
         };
         let around = Surroundings { scenario, vehicle };
-        let Building { graph, memory, sources, stage, last_fault, .. } =
+        let Building { mut graph, memory, sources, stage, last_fault, .. } =
             assemble((setup, &assembly, &names), &around, &others).context("building the pipeline")?;
+        let fed = if setup.sim.guest { feed_outside(&mut graph, &assembly)? } else { Vec::new() };
         let Surroundings { scenario, vehicle } = around;
         let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(setup.sim.dt_ms));
         let clock = setup.clock.source;
@@ -188,6 +192,7 @@ impl Pipeline {
             until,
             memory,
             clock,
+            fed,
             sources,
             stage,
             last_fault,
@@ -237,6 +242,18 @@ impl Pipeline {
         let stage = self.stage.clone();
         move || stage.map(|stage| stage::rendered(&stage))
     }
+}
+
+/// Replaces the world and its sensors by sources with the same streams, delays and faults; returns their names.
+fn feed_outside(graph: &mut Graph, assembly: &Assembly) -> anyhow::Result<Vec<String>> {
+    let is_outside = |placed: &&Placed| matches!(placed.kind.node().role, Role::World | Role::Sensor);
+    let outside = assembly.operators().iter().filter(is_outside);
+    outside
+        .map(|placed| {
+            graph.feed_outside(&placed.name)?;
+            Ok(placed.name.clone())
+        })
+        .collect()
 }
 
 /// First step of the world at which the scenario's time is over.

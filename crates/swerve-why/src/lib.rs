@@ -28,6 +28,7 @@ use swerve_drive::{
     EgoRun, light_courses, logged_scenario, norm, of_ego, outline, problems_error, track_names,
 };
 use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
+use swerve_flow::GraphInfo;
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EndReason, Verdict, WorldState};
 use swerve_msg::{
@@ -262,6 +263,11 @@ impl Logged {
             known_s.push(stamp_s);
             evaluation.world(&world);
         }
+        if known_s.is_empty() && self.config.sim.guest {
+            bail!(
+                "the log holds no states of the world: the program that stepped the stack fed none to the stream `{stream}`"
+            );
+        }
         if let (false, Some(at_s), [from_s, .., to_s]) = (is_known, at_s, &known_s[..]) {
             bail!(
                 "--at {at_s}: no state of the world at that instant: expected {from_s:.2} to {to_s:.2} (seconds)"
@@ -300,6 +306,16 @@ impl Logged {
             .any(|process| process.python.is_some() && process.operators.iter().any(|name| name == operator))
     }
 
+    /// Graph of the run. A foreign world is in it as the simulated one that reads the commands.
+    fn graph(&self, pipeline: &Pipeline) -> anyhow::Result<GraphInfo> {
+        if !self.config.sim.guest {
+            return Ok(pipeline.graph.describe()?);
+        }
+        let mut simulated = self.config.clone();
+        simulated.sim.guest = false;
+        Ok(Pipeline::build_without_stage(&simulated, &self.scenario)?.graph.describe()?)
+    }
+
     fn steps(
         &self,
         pipeline: Pipeline,
@@ -312,7 +328,7 @@ impl Logged {
         let planner =
             pipeline.assembly.publisher::<Plan>().context("no operator publishes plans in this log")?;
         let (world, planner) = (world.to_owned(), planner.to_owned());
-        let timeline = Timeline::new(&self.log, pipeline.graph.describe()?);
+        let timeline = Timeline::new(&self.log, self.graph(&pipeline)?);
         let sightings = Sightings::new(&self.log, &timeline, &world, actor);
         let mut steps = Vec::new();
         let Some(seen) = sightings.first_visible(&pipeline.assembly)? else { return Ok((steps, until)) };

@@ -92,8 +92,8 @@ impl Without<'_> {
         timeline: &Timeline<'_>,
         (tick, until): (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
     ) -> anyhow::Result<Unaware> {
-        if !timeline.leads(planner, world) {
-            // An external stack drove.
+        if !pipeline.fed.is_empty() || !timeline.leads(planner, world) {
+            // The world, or an external stack that drove, is not here.
             return Ok(Unaware::UNKNOWN);
         }
         let mut again: BTreeSet<String> = timeline.between(planner, world);

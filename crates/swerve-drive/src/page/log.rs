@@ -144,6 +144,7 @@ fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
         let file = extra("scenario_file").unwrap_or_else(|| scenario.name.clone());
         match config.live {
             Some(_) => format!("swerve live {saved}"),
+            None if config.sim.guest => "swerve replay log.mcap --verify".to_owned(),
             None => format!("swerve run {} -c {saved}", quoted(&file)),
         }
     })

@@ -11,7 +11,7 @@ use crate::host::Begin;
 use crate::input::{Show, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Offered, OnDeadline, Task, Unusual, run_step};
-use crate::payload::Decode;
+use crate::payload::{Decode, PayloadType};
 use crate::pending::Pending;
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
@@ -198,6 +198,8 @@ pub(crate) struct StreamState {
     pub(crate) name: Arc<str>,
     /// Digest of its name, for the run's digest.
     pub(crate) key: u64,
+    /// Type of its messages.
+    pub(crate) payload: PayloadType,
     pub(crate) decode: Decode,
     pub(crate) watermark: Time,
     pub(crate) seq: u64,

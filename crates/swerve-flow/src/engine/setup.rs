@@ -13,7 +13,7 @@ use crate::alarm::Pace;
 use crate::deadline::Length;
 use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
 use crate::input::{PortSpec, Slot};
-use crate::observer::Observer;
+use crate::observer::{Observer, Watcher};
 use crate::options::RunOptions;
 use crate::policy::{Late, Policy};
 use crate::report::{OperatorReport, RunError};
@@ -87,7 +87,7 @@ impl<'o> Engine<'o> {
             digest: Commits::new(),
             instants: 0,
             host_time: observers.iter().any(|observer| observer.wants_host_time()),
-            observers,
+            observers: observers.into_iter().map(Watcher::Lent).collect(),
             stop: None,
             failure: None,
         };
@@ -105,6 +105,7 @@ fn streams(graph: &Graph) -> Vec<StreamState> {
     let state = |spec: &crate::graph::StreamSpec| StreamState {
         name: spec.name.clone(),
         key: digest_of(&*spec.name).0,
+        payload: spec.payload,
         decode: spec.decode,
         watermark: Time::MIN,
         seq: 0,

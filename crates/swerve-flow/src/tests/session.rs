@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
+use swerve_core::{Span, Time};
+
 use super::net::*;
 use crate::*;
 
@@ -144,4 +146,70 @@ fn a_session_can_move_to_another_thread() {
         session.finish().unwrap()
     });
     assert_eq!(there.join().unwrap().digest, net().run(1000).report().digest);
+}
+
+/// Records of the messages of an operator in a run.
+fn records(of: &str) -> Vec<PlaybackRecord> {
+    let mut net = net();
+    let records = Arc::new(Mutex::new(Vec::new()));
+    let (kept, name) = (records.clone(), of.to_owned());
+    let mut keeper = move |event: &Event<'_>| match event {
+        Event::Publication(p) if p.operator == name => kept.lock().unwrap().push(PlaybackRecord::of(p)),
+        _ => {}
+    };
+    run_virtual(core::mem::take(&mut net.graph), &RunOptions::until(at(1000)), vec![&mut keeper]).unwrap();
+    let records = records.lock().unwrap().clone();
+    records.into_iter().filter(|record| record.message.is_some()).collect()
+}
+
+#[test]
+fn a_session_fed_with_the_messages_of_a_sensor_has_the_result_of_the_run() {
+    let whole = net().run(1000);
+    for ahead in [Span::ZERO, ms(200)] {
+        let mut graph = net().graph;
+        graph.feed_outside("camera").unwrap();
+        assert!(graph.sources().eq(["camera"]));
+        let log = Log::default();
+        let mut session = Session::new(graph, &RunOptions::until(at(1000)), vec![]).unwrap();
+        session.observe(Box::new(log.clone()));
+        let camera = session.source("camera").unwrap();
+        assert!(session.source("planner").is_none() && session.source("nobody").is_none());
+        for record in records("camera") {
+            let at = record.visible_at;
+            session.feed(camera, record).unwrap();
+            // The message of an instant is there before the instant is begun.
+            let before = at + (Span::from_ns(-1) - ahead);
+            if before >= Time::ZERO {
+                assert_eq!(session.advance_to(before), Reached::Instant);
+            }
+        }
+        assert_eq!(session.advance(), Reached::End);
+        session.finish().unwrap();
+        assert_eq!(log.report().digest, whole.report().digest);
+        assert_eq!(log.messages("controller"), whole.messages("controller"));
+    }
+}
+
+#[test]
+fn a_session_refuses_records_that_are_late_out_of_order_or_of_another_type() {
+    let mut net = Net::new();
+    let (wishes, _handle) = net.graph.source::<i64>("wishes");
+    net.stage("reader", join(&[wishes])).out();
+    net.stage("clock", tick(10)).out();
+    let mut session = Session::new(net.graph, &RunOptions::until(at(100)), vec![]).unwrap();
+    let wishes = session.source("wishes").unwrap();
+    let of = |ms: i64, stamp: i64| PlaybackRecord::message(at(ms), at(stamp), 1_i64);
+    session.feed(wishes, of(0, 0)).unwrap();
+    assert_eq!(session.feed(wishes, of(20, 0)), Err(FeedError::NotAfter { stamp: at(0), after: at(0) }));
+    session.feed(wishes, of(20, 20)).unwrap();
+    assert_eq!(session.feed(wishes, of(10, 30)), Err(FeedError::NotBefore { stamp: at(30), before: at(20) }));
+    session.feed(wishes, of(10, 10)).unwrap();
+    assert_eq!(session.advance_to(at(40)), Reached::Instant);
+    assert_eq!(session.feed(wishes, of(40, 40)), Err(FeedError::Past { at: at(40), now: at(40) }));
+    let wrong = session.feed(wishes, PlaybackRecord::message(at(50), at(50), 1.0_f64)).unwrap_err();
+    assert!(wrong.to_string().contains("expected i64, found f64"), "{wrong}");
+    let other = PlaybackRecord { port: 3, ..of(50, 50) };
+    assert!(session.feed(wishes, other).unwrap_err().to_string().contains("`wishes` has no output 3"));
+    session.feed(wishes, PlaybackRecord::bare(at(50), at(50))).unwrap();
+    assert_eq!(session.feed(wishes, of(60, 50)), Err(FeedError::NotAfter { stamp: at(50), after: at(50) }));
 }
