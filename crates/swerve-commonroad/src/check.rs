@@ -11,7 +11,9 @@ use swerve_geom::{Obb, Pose2, shared_area_m2};
 
 use crate::feasible::{Miss, misses};
 use crate::problem::Reaching;
-use crate::{Driven, Goal, GoalPosition, Model, PlanningProblem, Road, Scenario, Shape, Solution, SolutionState};
+use crate::{
+    Driven, Goal, GoalPosition, Model, PlanningProblem, Road, Scenario, Shape, Solution, SolutionState,
+};
 
 /// Tolerance of the initial state: position in metres, angles in radians, yaw rate in rad/s, time in steps.
 const START: f64 = 0.1;
@@ -135,7 +137,7 @@ impl Failure {
 
 /// Checks a solution of a scenario.
 pub fn check(scenario: &Scenario, solution: &Solution) -> Verdict {
-    let road = Road::new(scenario.lanelets.values());
+    let road = Road::new(&scenario.lanelets);
     let solved: Vec<(&PlanningProblem, &Driven)> = solution
         .driven
         .iter()
@@ -228,8 +230,9 @@ fn start(problem: &PlanningProblem, driven: &Driven) -> Option<Failure> {
         values.push(("yaw rate in rad/s", wanted.yaw_rate_radps, first.yaw_rate_radps, START));
         values.push(("slip angle in rad", wanted.slip_rad, first.slip_rad, START));
     }
-    let is_off =
-        |(_, expected, found, within): &&(_, f64, f64, f64)| !((expected - found).abs() <= within + RELATIVE * found.abs());
+    let is_off = |(_, expected, found, within): &&(_, f64, f64, f64)| {
+        !((expected - found).abs() <= within + RELATIVE * found.abs())
+    };
     let (quantity, expected, found, _) = *values.iter().find(is_off)?;
     Some(Failure::Start { at: place(driven, first), quantity, expected, found })
 }

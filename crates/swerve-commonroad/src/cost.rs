@@ -64,17 +64,8 @@ pub enum Part {
 }
 
 impl CostFunction {
-    const ALL: [Self; 9] = [
-        Self::Jb1,
-        Self::Sa1,
-        Self::Wx1,
-        Self::Sm1,
-        Self::Sm2,
-        Self::Sm3,
-        Self::Mw1,
-        Self::Tr1,
-        Self::Tr2,
-    ];
+    const ALL: [Self; 9] =
+        [Self::Jb1, Self::Sa1, Self::Wx1, Self::Sm1, Self::Sm2, Self::Sm3, Self::Mw1, Self::Tr1, Self::Tr2];
 
     /// Name in the identity of a benchmark.
     pub fn name(self) -> &'static str {
@@ -163,7 +154,8 @@ impl Costs {
 impl fmt::Display for Costs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.function.name())?;
-        let missing: Vec<&str> = self.parts.iter().filter(|part| part.2.is_none()).map(|part| part.0.name()).collect();
+        let missing: Vec<&str> =
+            self.parts.iter().filter(|part| part.2.is_none()).map(|part| part.0.name()).collect();
         match self.total() {
             Some(total) => write!(f, " = {total:.6}")?,
             None if self.parts.is_empty() => write!(f, " is not defined")?,
@@ -194,7 +186,8 @@ fn part_value(part: Part, problem: &PlanningProblem, driven: &Driven, step_s: f6
         simpson(&values.into_iter().map(|value| value * value).collect::<Vec<f64>>(), step_s)
     };
     let duration_s = || {
-        let steps = states.last().map_or(0, |state| state.step) - states.first().map_or(0, |state| state.step);
+        let steps =
+            states.last().map_or(0, |state| state.step) - states.first().map_or(0, |state| state.step);
         f64::from(steps) * step_s
     };
     Some(match part {
@@ -254,7 +247,10 @@ mod tests {
 
     #[test]
     fn function_with_an_unknown_part_has_no_total() {
-        let costs = |value| Costs { function: CostFunction::Sa1, parts: vec![(Part::Sa, 0.1, Some(2.0)), (Part::D, 8.0, value)] };
+        let costs = |value| Costs {
+            function: CostFunction::Sa1,
+            parts: vec![(Part::Sa, 0.1, Some(2.0)), (Part::D, 8.0, value)],
+        };
         assert_eq!(costs(None).total(), None);
         assert_eq!(costs(Some(1.0)).total(), Some(8.2));
         assert!(costs(None).to_string().contains("D are not computed"));

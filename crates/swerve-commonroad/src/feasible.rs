@@ -92,7 +92,8 @@ impl Task {
 
     /// The objective of the official checker.
     fn cost(&self, input: Input) -> f64 {
-        let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+        let length =
+            |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
         let Some(off) = self.off(input) else {
             return length(&mut WITHIN.iter().map(|value| value * 100.0));
         };
@@ -168,16 +169,8 @@ impl Task {
 }
 
 /// Directions of the compass search.
-const COMPASS: [[f64; 2]; 8] = [
-    [1.0, 0.0],
-    [-1.0, 0.0],
-    [0.0, 1.0],
-    [0.0, -1.0],
-    [1.0, 1.0],
-    [1.0, -1.0],
-    [-1.0, 1.0],
-    [-1.0, -1.0],
-];
+const COMPASS: [[f64; 2]; 8] =
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
 
 /// Distance of a miss, metres.
 impl Miss {

@@ -41,7 +41,7 @@ pub use model::Model;
 pub use obstacle::{Kind, Motion, Obstacle, Occupancy, State};
 pub use problem::{Goal, GoalPosition, Interval, PlanningProblem};
 pub use road::Road;
-pub use scenario::{Environment, Lanelet, Scenario};
+pub use scenario::{Beside, Environment, Lanelet, Scenario};
 pub use shape::Shape;
 pub use solution::{Driven, Solution, SolutionState};
 pub use vehicle::{Vehicle, VehicleKind};

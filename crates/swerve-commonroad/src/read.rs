@@ -13,7 +13,7 @@ use swerve_map_io::content::{all, child};
 use swerve_map_io::xml::{Element, Reader, parse};
 use swerve_map_io::{Problems, quoted};
 
-use crate::{Environment, Lanelet, OBSTACLES_MAX, Scenario};
+use crate::{Beside, Environment, Lanelet, OBSTACLES_MAX, Scenario};
 
 /// The version that is read.
 const VERSION: &str = "2020a";
@@ -80,7 +80,12 @@ fn lanelets(xml: &mut Reader, root: Element<'_>) -> BTreeMap<u32, Lanelet> {
     for at in all(root, "lanelet") {
         let Some(id) = xml.identity(at, "id") else { continue };
         let [left, right] = ["leftBound", "rightBound"].map(|name| bound(xml, at, name));
-        lanelets.entry(id).or_insert(Lanelet { left, right });
+        let beside = ["adjacentLeft", "adjacentRight"].map(|name| {
+            let at = child(at, name)?;
+            let opposite = at.attribute("drivingDir") == Some("opposite");
+            Some(Beside { lanelet: xml.identity(at, "ref")?, opposite })
+        });
+        lanelets.entry(id).or_insert(Lanelet { left, right, beside });
     }
     lanelets
 }

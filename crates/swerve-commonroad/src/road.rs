@@ -11,8 +11,8 @@ use swerve_geom::{Obb, Point2};
 use crate::Lanelet;
 use crate::shape::box_of;
 
-/// Parts of an outline outside that are thinner than this do not count, metres: lanelets side by side have bounds of
-/// their own, that differ by their digits.
+/// Parts of an outline outside that are thinner than this do not count, metres: lanelets that follow each other have
+/// ends that differ by their digits.
 const SLIVER_M: f64 = 1e-3;
 
 /// Width of the cells in which lanelets are looked up, metres.
@@ -30,16 +30,44 @@ pub struct Road {
 }
 
 impl Road {
-    /// The ground of lanelets.
-    pub fn new<'a>(lanelets: impl IntoIterator<Item = &'a Lanelet>) -> Self {
+    /// The ground of lanelets, and of the gaps between lanelets side by side: only the outermost bounds of those limit
+    /// the road.
+    pub fn new(lanelets: &BTreeMap<u32, Lanelet>) -> Self {
         let mut road = Self::default();
-        for Lanelet { left, right } in lanelets {
-            for (left, right) in left.windows(2).zip(right.windows(2)) {
-                road.push([left[0], right[0], right[1]]);
-                road.push([left[0], right[1], left[1]]);
+        for lanelet in lanelets.values() {
+            road.strip(&lanelet.left, &lanelet.right);
+            for (side, beside) in lanelet.beside.iter().enumerate() {
+                let Some(beside) = beside else { continue };
+                let Some(other) = lanelets.get(&beside.lanelet) else { continue };
+                let own = if side == 0 { &lanelet.left } else { &lanelet.right };
+                // A lanelet to the left has its right bound here, or its left one backwards if it runs the other way.
+                if beside.opposite {
+                    let facing = if side == 0 { &other.left } else { &other.right };
+                    let facing: Vec<Point2> = facing.iter().rev().copied().collect();
+                    road.strip(own, &facing);
+                } else {
+                    road.strip(own, if side == 0 { &other.right } else { &other.left });
+                }
             }
         }
         road
+    }
+
+    /// Adds the ground between two lines that run the same way.
+    fn strip(&mut self, one: &[Point2], other: &[Point2]) {
+        let (mut i, mut k) = (0, 0);
+        while i + 1 < one.len() || k + 1 < other.len() {
+            let share = |next: usize, of: &[Point2]| next as f64 / (of.len().max(2) - 1) as f64;
+            let (at, across) = (one.get(i), other.get(k));
+            let (Some(&at), Some(&across)) = (at, across) else { return };
+            if k + 1 >= other.len() || (i + 1 < one.len() && share(i + 1, one) <= share(k + 1, other)) {
+                i += 1;
+                self.push([at, across, one[i]]);
+            } else {
+                k += 1;
+                self.push([at, across, other[k]]);
+            }
+        }
     }
 
     fn push(&mut self, corners: [Point2; 3]) {
@@ -146,24 +174,38 @@ mod tests {
     use swerve_geom::Pose2;
 
     use super::*;
+    use crate::Beside;
 
-    fn lane(low: f64, high: f64) -> Lanelet {
+    fn lane(low: f64, high: f64, left: Option<u32>) -> Lanelet {
         let line = |y: f64| [0.0, 40.0, 100.0].map(|x| Point2::new(x, y)).to_vec();
-        Lanelet { left: line(high), right: line(low) }
+        let left_of = left.map(|lanelet| Beside { lanelet, opposite: false });
+        Lanelet { left: line(high), right: line(low), beside: [left_of, None] }
+    }
+
+    fn outside_m2(lanes: &[Lanelet], outline: Obb) -> f64 {
+        let lanes = lanes.iter().enumerate().map(|(k, lane)| (k as u32, lane.clone())).collect();
+        Road::new(&lanes).outside_m2(&outline)
     }
 
     #[test]
     fn outline_across_two_lanelets_is_on_the_road() {
-        let road = Road::new(&[lane(0.0, 3.0), lane(3.0, 6.0)]);
-        let at = |x: f64, y: f64| road.outside_m2(&Obb::new(Pose2::new(x, y, 0.3), 4.0, 2.0));
+        let lanes = [lane(0.0, 3.0, None), lane(3.0, 6.0, None)];
+        let at = |x: f64, y: f64| outside_m2(&lanes, Obb::new(Pose2::new(x, y, 0.3), 4.0, 2.0));
         assert!(at(40.0, 3.0) < 1e-9, "{}", at(40.0, 3.0));
         assert!((at(50.0, -9.0) - 8.0).abs() < 1e-9 && (at(200.0, 3.0) - 8.0).abs() < 1e-9);
     }
 
     #[test]
+    fn gap_is_road_between_lanelets_side_by_side_only() {
+        let across = Obb::new(Pose2::new(40.0, 3.1, 0.0), 4.0, 2.0);
+        let gap_m2 = |left| outside_m2(&[lane(0.0, 3.0, left), lane(3.2, 6.0, None)], across);
+        assert!((gap_m2(None) - 0.8).abs() < 1e-9 && gap_m2(Some(1)) < 1e-9);
+    }
+
+    #[test]
     fn area_outside_is_the_part_beyond_the_border() {
-        let road = Road::new(&[lane(0.0, 3.0)]);
-        let outside_m2 = road.outside_m2(&Obb::new(Pose2::new(39.0, 2.5, 0.0), 4.0, 2.0));
+        let outline = Obb::new(Pose2::new(39.0, 2.5, 0.0), 4.0, 2.0);
+        let outside_m2 = outside_m2(&[lane(0.0, 3.0, None)], outline);
         assert!((outside_m2 - 4.0 * 0.5).abs() < 1e-9, "{outside_m2}");
     }
 }

@@ -16,6 +16,17 @@ pub struct Lanelet {
     pub left: Vec<Point2>,
     /// Right bound in the direction of travel.
     pub right: Vec<Point2>,
+    /// Lanelets beside it, to the left and to the right.
+    pub beside: [Option<Beside>; 2],
+}
+
+/// A lanelet beside another.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Beside {
+    /// Its identity.
+    pub lanelet: u32,
+    /// True if its traffic runs the other way.
+    pub opposite: bool,
 }
 
 impl Lanelet {

@@ -55,9 +55,9 @@ impl Shape {
             Self::Rectangle(rectangle) => rectangle.distance_to_point(point),
             Self::Circle(center, radius_m) => (center.distance(point) - radius_m).max(0.0),
             Self::Polygon(corners) if polygon_contains(corners, point) => 0.0,
-            Self::Polygon(corners) => {
-                sides(corners).map(|(a, b)| nearest(a, b, point).distance(point)).fold(f64::INFINITY, f64::min)
-            }
+            Self::Polygon(corners) => sides(corners)
+                .map(|(a, b)| nearest(a, b, point).distance(point))
+                .fold(f64::INFINITY, f64::min),
         }
     }
 

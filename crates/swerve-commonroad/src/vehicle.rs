@@ -148,9 +148,7 @@ impl Vehicle {
         let (steering, speed) = (state.steering_rad, state.speed_mps);
         match model {
             Model::Pm => [x, y, speed * cos, speed * sin, 0.0, 0.0, 0.0],
-            Model::Ks => {
-                [x - self.rear_m * cos, y - self.rear_m * sin, steering, speed, heading, 0.0, 0.0]
-            }
+            Model::Ks => [x - self.rear_m * cos, y - self.rear_m * sin, steering, speed, heading, 0.0, 0.0],
             Model::St => [x, y, steering, speed, heading, state.yaw_rate_radps, state.slip_rad],
         }
     }
@@ -235,8 +233,8 @@ impl Vehicle {
         let ratio = tan * tan * rear / length;
         let beta_rate = rear * u[0] / (length * cos * cos * (1.0 + ratio * ratio));
         let (sin_slip, cos_slip) = math::sin_cos(x[6]);
-        let turn = u[1] * cos_slip * tan - x[3] * sin_slip * beta_rate * tan
-            + x[3] * cos_slip * u[0] / (cos * cos);
+        let turn =
+            u[1] * cos_slip * tan - x[3] * sin_slip * beta_rate * tan + x[3] * cos_slip * u[0] / (cos * cos);
         [
             x[3] * math::cos(beta + x[4]),
             x[3] * math::sin(beta + x[4]),

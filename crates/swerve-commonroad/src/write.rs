@@ -39,8 +39,8 @@ fn push(xml: &mut String, model: Model, state: &SolutionState) {
     let mut values = vec![("x", state.position.x_m), ("y", state.position.y_m)];
     match model {
         Model::Pm => {
-            let velocity = swerve_geom::Vector2::<swerve_geom::Map>::from_heading(state.heading_rad)
-                * state.speed_mps;
+            let velocity =
+                swerve_geom::Vector2::<swerve_geom::Map>::from_heading(state.heading_rad) * state.speed_mps;
             values.extend([("xVelocity", velocity.x), ("yVelocity", velocity.y)]);
         }
         Model::Ks | Model::St => values.extend([

@@ -18,15 +18,16 @@ const SAME: f64 = 1e-6;
 fn verdicts_and_costs_are_those_of_the_official_checker() {
     let Some(folder) = data_or_skip("worlds/commonroad") else { return };
     let rows: Vec<Value> =
-        serde_json::from_str(&std::fs::read_to_string(folder.join("checked/verdicts.json")).unwrap()).unwrap();
+        serde_json::from_str(&std::fs::read_to_string(folder.join("checked/verdicts.json")).unwrap())
+            .unwrap();
     let mut scenarios = BTreeMap::new();
     let (mut wrong, mut parts) = (Vec::new(), BTreeMap::<&str, usize>::new());
     for row in &rows {
         let word = |key: &str| row[key].as_str().unwrap().to_owned();
         let name = word("scenario");
-        let scenario = scenarios.entry(name.clone()).or_insert_with(|| {
-            Scenario::read(&name, &text(&folder.join("ngsim").join(&name))).unwrap()
-        });
+        let scenario = scenarios
+            .entry(name.clone())
+            .or_insert_with(|| Scenario::read(&name, &text(&folder.join("ngsim").join(&name))).unwrap());
         let file = word("solution");
         let solution = Solution::read(&file, &text(&folder.join("checked").join(&file))).unwrap();
         let verdict = check(scenario, &solution);
@@ -35,13 +36,20 @@ fn verdicts_and_costs_are_those_of_the_official_checker() {
         }
         let driven = &solution.driven[0];
         let problem = scenario.problem(driven.problem).unwrap();
-        for (function, of) in row["costs"].as_object().into_iter().flatten() {
+        // Where the official evaluation fails, it has the name of its exception.
+        let functions = row["costs"].as_object().into_iter().flatten().filter(|(_, of)| of.is_object());
+        for (function, of) in functions {
             let own = costs(CostFunction::named(function).unwrap(), problem, driven, scenario.step_s);
             for (part, _, value) in own.parts.iter() {
-                let (Some(value), official) = (value, of["parts"][part.name()].as_f64().unwrap()) else { continue };
+                let (Some(value), official) = (value, of["parts"][part.name()].as_f64().unwrap()) else {
+                    continue;
+                };
                 *parts.entry(part.name()).or_default() += 1;
                 if (value - official).abs() > SAME * official.abs() {
-                    wrong.push(format!("{file}: {function} {}: official {official}, own {value}", part.name()));
+                    wrong.push(format!(
+                        "{file}: {function} {}: official {official}, own {value}",
+                        part.name()
+                    ));
                 }
             }
             if let Some(total) = own.total() {
@@ -54,5 +62,5 @@ fn verdicts_and_costs_are_those_of_the_official_checker() {
     assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.join("\n"));
     let names: Vec<&str> = parts.keys().copied().collect();
     assert_eq!(names, ["A", "ID", "J", "L", "SA", "SR", "T", "V"]);
-    assert!(parts.values().all(|count| *count >= 30), "{parts:?}");
+    assert!(parts.values().all(|count| *count >= 29), "{parts:?}");
 }

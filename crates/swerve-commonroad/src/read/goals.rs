@@ -31,19 +31,14 @@ pub(crate) fn problems(
     found
 }
 
-fn problem(
-    xml: &mut Reader,
-    at: Element<'_>,
-    lanelets: &BTreeMap<u32, Lanelet>,
-) -> Option<PlanningProblem> {
+fn problem(xml: &mut Reader, at: Element<'_>, lanelets: &BTreeMap<u32, Lanelet>) -> Option<PlanningProblem> {
     let id = xml.identity(at, "id")?;
     let initial = xml.child(at, "initialState")?;
     for name in ["orientation", "velocity"] {
         xml.child(initial, name);
     }
     let initial = motion::state(xml, initial);
-    let goals: Vec<Goal> =
-        all(at, "goalState").take(GOALS_MAX).map(|at| goal(xml, at, lanelets)).collect();
+    let goals: Vec<Goal> = all(at, "goalState").take(GOALS_MAX).map(|at| goal(xml, at, lanelets)).collect();
     if goals.is_empty() {
         xml.fault(at, || "expected at least one `goalState`, found none".to_owned());
     }

@@ -30,9 +30,7 @@ const KINDS: [(&str, Kind); 17] = [
 
 /// Static and dynamic obstacles in the order of the file.
 pub(crate) fn obstacles(xml: &mut Reader, root: Element<'_>) -> Vec<Obstacle> {
-    let is_obstacle = |at: &Element<'_>| {
-        matches!(at.tag_name().name(), "staticObstacle" | "dynamicObstacle")
-    };
+    let is_obstacle = |at: &Element<'_>| matches!(at.tag_name().name(), "staticObstacle" | "dynamicObstacle");
     let (mut found, mut states) = (Vec::new(), 0);
     for at in root.children().filter(is_obstacle) {
         if found.len() == OBSTACLES_MAX {
@@ -95,7 +93,9 @@ pub(crate) fn state(xml: &mut Reader, at: Element<'_>) -> State {
     let position = xml.child(at, "position").and_then(|position| match child(position, "point") {
         Some(point) => Some(values::coordinates(xml, point)),
         None => {
-            xml.fault(position, || "expected an exact position in `point`; areas are not supported".to_owned());
+            xml.fault(position, || {
+                "expected an exact position in `point`; areas are not supported".to_owned()
+            });
             None
         }
     });
@@ -115,11 +115,13 @@ fn occupancy(xml: &mut Reader, at: Element<'_>) -> Option<Occupancy> {
     Some(Occupancy { shapes: shapes::shapes(xml, shape), step: values::step(xml, at) })
 }
 
-/// Reports states that do not follow the initial one step by step.
+/// Reports states that do not follow the initial one step by step; they count as if they did, as in the official checker.
 fn in_sequence(xml: &mut Reader, at: Element<'_>, initial: u32, steps: impl Iterator<Item = u32>) {
     let wrong = steps.enumerate().find(|(k, step)| *step as usize != initial as usize + k + 1);
     if let Some((k, found)) = wrong {
         let expected = initial as usize + k + 1;
-        xml.fault(at, || format!("expected a state for each time step, {expected} next, found {found}"));
+        xml.defect(at, || {
+            format!("expected a state for each time step, {expected} next, found {found}: read as {expected}")
+        });
     }
 }

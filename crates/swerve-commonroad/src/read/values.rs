@@ -30,7 +30,9 @@ pub(crate) fn step(xml: &mut Reader, of: Element<'_>) -> u32 {
 /// A number as a time step; 0 after a fault.
 pub(crate) fn whole(xml: &mut Reader, at: Element<'_>, value: f64) -> u32 {
     if value.fract() != 0.0 || !(0.0..=STEP_MAX).contains(&value) {
-        xml.fault(at, || format!("expected a whole number of time steps from 0 to {STEP_MAX}, found {value}"));
+        xml.fault(at, || {
+            format!("expected a whole number of time steps from 0 to {STEP_MAX}, found {value}")
+        });
         return 0;
     }
     value as u32

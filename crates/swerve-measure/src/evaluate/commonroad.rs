@@ -62,8 +62,8 @@ pub(super) fn outcome(args: &CommonroadArgs) -> anyhow::Result<(String, Option<S
     for path in &args.solutions {
         let solution = Solution::read(&path.display().to_string(), &text(path)?);
         let solution = solution.map_err(|problems| anyhow!(problems.first(SHOWN)))?;
-        let file = scenario_of(&args.scenarios, &solution.benchmark)
-            .with_context(|| path.display().to_string())?;
+        let file =
+            scenario_of(&args.scenarios, &solution.benchmark).with_context(|| path.display().to_string())?;
         if !scenarios.contains_key(&file) {
             let scenario = Scenario::read(&file.display().to_string(), &text(&file)?);
             let scenario = scenario.map_err(|problems| anyhow!(problems.first(SHOWN)))?;
