@@ -5,6 +5,7 @@ mod egos;
 mod expect;
 mod map;
 mod slippery;
+mod track;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
