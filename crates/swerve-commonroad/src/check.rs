@@ -75,6 +75,8 @@ pub enum Failure {
         obstacle: u32,
         /// Common area with a rectangle, m²; `None` for other shapes.
         shared_m2: Option<f64>,
+        /// True if the middle of the obstacle is behind the rear axle: it drove into the vehicle from behind.
+        from_behind: bool,
     },
     /// A part of the outline is on no lanelet.
     OffRoad {
@@ -243,11 +245,14 @@ fn obstacle(scenario: &Scenario, driven: &Driven) -> Option<Failure> {
         for obstacle in &scenario.obstacles {
             let hit = obstacle.at(state.step).into_iter().find(|shape| shape.overlaps(&own));
             let Some(shape) = hit else { continue };
-            let shared_m2 = match shape {
-                Shape::Rectangle(other) => Some(shared_area_m2(&own, &other)),
+            let shared_m2 = match &shape {
+                Shape::Rectangle(other) => Some(shared_area_m2(&own, other)),
                 _ => None,
             };
-            return Some(Failure::Obstacle { at: place(driven, state), obstacle: obstacle.id, shared_m2 });
+            let behind_m = -own.center.to_local::<swerve_geom::Ego>(shape.center()).x_m;
+            let from_behind = behind_m > driven.vehicle.vehicle().rear_m;
+            let (at, obstacle) = (place(driven, state), obstacle.id);
+            return Some(Failure::Obstacle { at, obstacle, shared_m2, from_behind });
         }
     }
     None

@@ -149,4 +149,29 @@ mod tests {
             assert_eq!(is_scenario(Path::new(name)), expected, "{name}");
         }
     }
+
+    /// A hand-written scenario.
+    const SMALL: &str = include_str!("../../swerve-commonroad/src/read/tests/small.xml");
+
+    #[test]
+    fn scenario_is_driven_on_its_own_map_among_recorded_road_users() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("small.xml");
+        std::fs::write(&path, SMALL).unwrap();
+        let scenario = crate::read_scenario(&path).unwrap();
+        assert_eq!((&*scenario.name, scenario.end.timeout_s), ("ZAM_Small-1_1_T-1", 2.0));
+        let [parked, car] = &scenario.actors[..] else { panic!("{:?}", scenario.actors) };
+        assert!(parked.track().is_none() && parked.kind == swerve_msg::ActorKind::Static);
+        assert_eq!(car.track().map(|track| track.poses.len()), Some(3));
+        assert_eq!(scenario.drawn(7).ego, scenario.ego, "recorded road users do not know of draws");
+    }
+
+    #[test]
+    fn scenario_without_a_way_is_refused_with_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("beside.xml");
+        std::fs::write(&path, SMALL.replace("<x>20</x><y>1.5</y>", "<x>20</x><y>15</y>")).unwrap();
+        let error = crate::read_scenario(&path).unwrap_err().to_string();
+        assert!(error.contains("beside.xml: expected the start of the planning problem on a lanelet"), "{error}");
+    }
 }

@@ -49,8 +49,9 @@ impl fmt::Display for Failure {
             Self::Start { at, quantity, expected, found } => {
                 write!(f, "{at}: wrong start: {quantity}: expected {expected}, found {found}")
             }
-            Self::Obstacle { at, obstacle, shared_m2 } => {
-                write!(f, "{at}: collision with obstacle {obstacle}")?;
+            Self::Obstacle { at, obstacle, shared_m2, from_behind } => {
+                let side = if *from_behind { " from behind" } else { "" };
+                write!(f, "{at}: collision with obstacle {obstacle}{side}")?;
                 shared_m2.map_or(Ok(()), |shared_m2| write!(f, ", {shared_m2:.3} m² in common"))
             }
             Self::OffRoad { at, outside_m2 } => {
