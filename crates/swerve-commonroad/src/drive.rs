@@ -18,6 +18,9 @@ pub use way::NoWay;
 /// Slowest and fastest target speed, m/s.
 const SPEEDS_MPS: [f64; 2] = [1.0, 60.0];
 
+/// Target speed by that of the start where the goal has no place.
+const FASTER: f64 = 1.25;
+
 /// Distance of a target speed from the ends of the interval of a goal, m/s.
 const INSIDE_MPS: f64 = 0.5;
 
@@ -52,7 +55,7 @@ impl Scenario {
         // Writing to a text cannot fail.
         let _infallible = write!(
             text,
-            "name = {name:?}\ndescription = \"Planning problem {} of a CommonRoad scenario\"\n\n[map]\nfile = {map:?}\n\n\
+            "name = {name:?}\ndescription = \"Planning problem {} of a CommonRoad scenario\"\nseeded = false\n\n[map]\nfile = {map:?}\n\n\
              [ego]\nstart = {}\n{via}goal = {}\nd_m = {}\nheading_rad = {}\ntarget_speed_mps = {}\n\
              start_speed_mps = {}\n\n[end]\ntimeout_s = {}\n",
             problem.id,
@@ -73,7 +76,8 @@ impl Scenario {
     /// Speed with which the ego reaches the goal in time, and within the goal's interval of speeds, m/s.
     fn target_mps(&self, problem: &PlanningProblem, way: &way::Found, lasts_s: f64) -> f64 {
         let start_mps = problem.initial.speed_mps;
-        let mut target_mps = start_mps.max(SPEEDS_MPS[0]);
+        // Without a place to be at, the vehicles ahead limit the speed, as they did that of the recorded one.
+        let mut target_mps = start_mps * FASTER;
         if let (Some([from_m, to_m]), true) = (way.goal_m, lasts_s > 0.0) {
             // The mean speed that is needed; the difference from the start is made up for.
             let [least, most] = [from_m, to_m].map(|way_m| way_m / lasts_s);

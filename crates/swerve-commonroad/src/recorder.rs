@@ -79,6 +79,29 @@ impl Recorder {
         angle_rad.clamp(-vehicle.steering_max_rad, vehicle.steering_max_rad)
     }
 
+    /// The first states, with yaw rate, slip and steering angle such that they lead to the next position and heading: those
+    /// of an instant would not, where they change within the step.
+    fn smoothed(&self, count: usize) -> Vec<SolutionState> {
+        let vehicle = self.kind.vehicle();
+        let mut states = self.states[..count].to_vec();
+        for k in 1..states.len() {
+            let (from, to) = (states[k - 1], states[k]);
+            let way = to.position - from.position;
+            let turn_rad = to.heading_rad - from.heading_rad;
+            let yaw_rate_radps = turn_rad / self.scenario.step_s;
+            let state = &mut states[k - 1];
+            state.yaw_rate_radps = yaw_rate_radps;
+            if from.speed_mps.min(to.speed_mps) < SLOW_MPS {
+                continue;
+            }
+            let middle_rad = from.heading_rad + 0.5 * turn_rad;
+            state.slip_rad = angle_between(middle_rad, way.heading());
+            let angle_rad = math::atan(yaw_rate_radps * vehicle.wheelbase_m() / from.speed_mps);
+            state.steering_rad = angle_rad.clamp(-vehicle.steering_max_rad, vehicle.steering_max_rad);
+        }
+        states
+    }
+
     /// The solution up to the first state that reaches a goal, or with all states if none does, as a single track;
     /// `None` with fewer than two states or without a planning problem.
     pub fn solution(&self) -> Option<Solution> {
@@ -93,7 +116,7 @@ impl Recorder {
             problem.goals.iter().any(|goal| self.scenario.fulfils(goal, &reaching))
         };
         let count = self.states.iter().position(reaches).map_or(self.states.len(), |k| k + 1);
-        let states = self.states[..count].to_vec();
+        let states = self.smoothed(count);
         let driven = Driven {
             problem: problem.id,
             model: Model::St,
@@ -103,5 +126,34 @@ impl Recorder {
         };
         let solution = Solution { benchmark: self.scenario.benchmark.clone(), driven: vec![driven] };
         (count > 1).then_some(solution)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check;
+
+    /// A drive straight on, and one that ends before the goal's time.
+    #[test]
+    fn recorded_drive_is_a_valid_solution_up_to_the_goal() {
+        let text = include_str!("read/tests/small.xml");
+        for (steps, is_valid) in [(30_u32, true), (5, false)] {
+            let mut recorder = Recorder::new(Scenario::read("small.xml", text).unwrap());
+            let back_m = VehicleKind::Bmw320i.vehicle().rear_m;
+            for k in 0..steps {
+                assert!((recorder.next_s() - 0.1 * f64::from(k)).abs() < 1e-12);
+                recorder.push(&Ego {
+                    pose: Pose2::new(20.0 - back_m + f64::from(k), 1.5, 0.0),
+                    velocity_mps: Vector2::new(10.0, 0.0),
+                    yaw_rate_radps: 0.0,
+                    steering_rad: 0.0,
+                });
+            }
+            let solution = recorder.solution().unwrap();
+            let verdict = check(recorder.scenario(), &solution);
+            assert_eq!(verdict.is_valid(), is_valid, "{verdict}");
+            assert_eq!(solution.driven[0].states.len(), if is_valid { 11 } else { 5 });
+        }
     }
 }

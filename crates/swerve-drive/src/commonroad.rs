@@ -172,6 +172,9 @@ mod tests {
         let path = folder.path().join("beside.xml");
         std::fs::write(&path, SMALL.replace("<x>20</x><y>1.5</y>", "<x>20</x><y>15</y>")).unwrap();
         let error = crate::read_scenario(&path).unwrap_err().to_string();
-        assert!(error.contains("beside.xml: expected the start of the planning problem on a lanelet"), "{error}");
+        assert!(
+            error.contains("beside.xml: expected the start of the planning problem on a lanelet"),
+            "{error}"
+        );
     }
 }

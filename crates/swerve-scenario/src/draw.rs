@@ -9,7 +9,7 @@
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
 //! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
 //!
-//! With recorded road users, neither start nor speed of an ego is changed.
+//! A scenario with `seeded = false` is not varied; sensors are.
 
 use swerve_core::{Rng, Span};
 
@@ -29,12 +29,7 @@ impl Scenario {
         if self.draws.is_some() {
             return drawn;
         }
-        let is_recorded = self.actors.iter().any(|actor| actor.track().is_some());
-        let within = |name: &str, key: &[i64], half: f64| match is_recorded {
-            // The others do not know of the change.
-            true => 0.0,
-            false => Rng::keyed(seed, name, key).uniform(-half, half),
-        };
+        let within = |name: &str, key: &[i64], half: f64| Rng::keyed(seed, name, key).uniform(-half, half);
         let mut draws = Draws {
             seed,
             ego_start_m: within("scenario ego start", &[], EGO_START_M),

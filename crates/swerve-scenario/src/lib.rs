@@ -10,6 +10,7 @@
 //! ```toml
 //! name = "person_crossing"
 //! description = "for people"                          # ?
+//! seeded = true                                       # ? false: a seed varies sensors only
 //!
 //! [road]                                              # from the map's origin along +x
 //! segments = [{ length_m = 100.0, curvature_1pm = 0.0 }]  # curvature ?, positive turns left
@@ -108,7 +109,7 @@
 //! name = "recorded"
 //! kind = "car"
 //! track = { from_s = 0.5, step_s = 0.1, at = [[5.0, 1.0], [6.0, 1.0]], heading_rad = [0.0, 0.0] }  # in place of start and
-//! #                                                     motion; absent before and after; no draws of the seed
+//! #                                                     motion; absent before and after
 //!
 //! [[slippery]]                                        # ? with start, goal and via as an actor, else along the ego's route
 //! name = "ice"

@@ -60,3 +60,54 @@ fn headings(track: &TableReader<'_>) -> Vec<f64> {
         Vec::new()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::Scenario;
+
+    /// A straight lane of 100 m along x.
+    const MAP: &str = "<commonRoad commonRoadVersion=\"2020a\"><lanelet id=\"1\">\
+        <leftBound><point><x>0</x><y>2</y></point><point><x>100</x><y>2</y></point></leftBound>\
+        <rightBound><point><x>0</x><y>-2</y></point><point><x>100</x><y>-2</y></point></rightBound>\
+        <laneletType>urban</laneletType></lanelet></commonRoad>";
+
+    fn read(track: &str) -> Result<Scenario, String> {
+        let text = format!(
+            "name = \"x\"\nseeded = false\n[map]\nfile = \"x.xml\"\n[ego]\ntarget_speed_mps = 10.0\n\
+             start = {{ lane = \"1\", s_m = 10.0 }}\ngoal = {{ lane = \"1\", s_m = 90.0 }}\n\
+             [[actor]]\nname = \"car\"\nkind = \"car\"\ntrack = {{ {track} }}\n"
+        );
+        let map = Arc::from(MAP);
+        Scenario::parse_on("x.toml", &text, Some(&map), &[]).map_err(|problems| problems.to_string())
+    }
+
+    #[test]
+    fn track_is_read_and_not_varied() {
+        let scenario =
+            read("from_s = 0.5, step_s = 0.1, at = [[5.0, 1.0], [6.0, 1.0]], heading_rad = [0.0, 0.1]")
+                .unwrap();
+        let track = scenario.actors[0].track().unwrap();
+        assert_eq!((track.from_s, track.step_s, track.poses.len()), (0.5, 0.1, 2));
+        assert_eq!((track.poses[1].x_m, track.poses[1].heading_rad), (6.0, 0.1));
+        assert_eq!(scenario.drawn(7), scenario);
+    }
+
+    #[test]
+    fn wrong_tracks_are_reported() {
+        for (track, message) in [
+            ("at = [[5.0, 1.0]], heading_rad = [0.0]", "step_s"),
+            ("step_s = 0.1, at = [], heading_rad = [0.0]", "found an empty array"),
+            (
+                "step_s = 0.1, at = [[5.0, 1.0]], heading_rad = [0.0, 0.1]",
+                "expected 1 numbers as in `at`, found 2",
+            ),
+            ("step_s = 0.1, at = [[5.0, 1.0]], heading_rad = [nan]", "an array of headings in radians"),
+            ("step_s = 0.1, at = [[5.0, 1.0]], heading_rad = [0.0], speed = 1", "speed"),
+        ] {
+            let error = read(track).unwrap_err();
+            assert!(error.contains(message), "{track}: {error}");
+        }
+    }
+}
