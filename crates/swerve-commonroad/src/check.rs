@@ -233,7 +233,7 @@ fn start(problem: &PlanningProblem, driven: &Driven) -> Option<Failure> {
         values.push(("slip angle in rad", wanted.slip_rad, first.slip_rad, START));
     }
     let is_off = |(_, expected, found, within): &&(_, f64, f64, f64)| {
-        !((expected - found).abs() <= within + RELATIVE * found.abs())
+        (expected - found).abs() > within + RELATIVE * found.abs()
     };
     let (quantity, expected, found, _) = *values.iter().find(is_off)?;
     Some(Failure::Start { at: place(driven, first), quantity, expected, found })

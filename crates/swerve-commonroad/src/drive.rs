@@ -18,6 +18,9 @@ pub use way::NoWay;
 /// Slowest and fastest target speed, m/s.
 const SPEEDS_MPS: [f64; 2] = [1.0, 60.0];
 
+/// Distance that remains to the end of the map, metres.
+const BEFORE_END_M: f64 = 10.0;
+
 /// Target speed by that of the start where the goal has no place.
 const FASTER: f64 = 1.25;
 
@@ -78,6 +81,10 @@ impl Scenario {
         let start_mps = problem.initial.speed_mps;
         // Without a place to be at, the vehicles ahead limit the speed, as they did that of the recorded one.
         let mut target_mps = start_mps * FASTER;
+        if way.goal_m.is_none() && lasts_s > 0.0 {
+            // The map may end.
+            target_mps = target_mps.min((way.straight_m - BEFORE_END_M) / lasts_s).max(0.0);
+        }
         if let (Some([from_m, to_m]), true) = (way.goal_m, lasts_s > 0.0) {
             // The mean speed that is needed; the difference from the start is made up for.
             let [least, most] = [from_m, to_m].map(|way_m| way_m / lasts_s);

@@ -65,6 +65,16 @@ pub(super) struct Found {
     pub(super) turn_rad: f64,
     /// First and last place of the goal along the way from the start, metres.
     pub(super) goal_m: Option<[f64; 2]>,
+    /// Length of a way straight on, metres.
+    pub(super) straight_m: f64,
+}
+
+impl Found {
+    /// The way straight on from a start: offset and turn from its lane.
+    fn straight(map: &Map, (start, d_m, turn_rad): (Stop, f64, f64), reach_m: f64) -> Self {
+        let (goal, straight_m) = beyond(map, start, reach_m);
+        Self { start, via: None, goal, d_m, turn_rad, goal_m: None, straight_m }
+    }
 }
 
 /// Finds the way to the goal and beyond, or straight on.
@@ -80,9 +90,7 @@ pub(super) fn find(scenario: &Scenario, problem: &PlanningProblem, map: &Map) ->
     let has_place = problem.goals.iter().all(|goal| goal.position.is_some());
     if targets.is_empty() {
         // A goal without a place, or one that is on no lane: straight on.
-        let (start, d_m, turn_rad) = starts[0];
-        let goal = beyond(map, start, reach_m);
-        return Ok(Found { start, via: None, goal, d_m, turn_rad, goal_m: None });
+        return Ok(Found::straight(map, starts[0], reach_m));
     }
     let mut best: Option<(f64, Found)> = None;
     for &(start, d_m, turn_rad) in &starts {
@@ -101,19 +109,16 @@ pub(super) fn find(scenario: &Scenario, problem: &PlanningProblem, map: &Map) ->
             }
             let at_m = way.length_m;
             let goal_m = [at_m - (place.s_m - target.from_m), at_m + (target.to_m - place.s_m)];
-            let goal = beyond(map, place, (reach_m - at_m).max(BEYOND_M));
+            let (goal, _) = beyond(map, place, (reach_m - at_m).max(BEYOND_M));
             let via = (goal != place).then_some(place);
             let goal_m = Some(goal_m.map(|way_m| way_m.max(0.0)));
-            best = Some((cost_m, Found { start, via, goal, d_m, turn_rad, goal_m }));
+            best = Some((cost_m, Found { start, via, goal, d_m, turn_rad, goal_m, straight_m: 0.0 }));
         }
     }
     match best {
         Some((_, found)) => Ok(found),
         None if has_place => Err(NoWay::Unreachable),
-        None => {
-            let (start, d_m, turn_rad) = starts[0];
-            Ok(Found { start, via: None, goal: beyond(map, start, reach_m), d_m, turn_rad, goal_m: None })
-        }
+        None => Ok(Found::straight(map, starts[0], reach_m)),
     }
 }
 
@@ -159,14 +164,15 @@ fn targets(scenario: &Scenario, map: &Map, goal: &Goal) -> Vec<Target> {
     found
 }
 
-/// The place `way_m` metres after a place, along the lanes that turn least, or the end of the last lane.
-fn beyond(map: &Map, from: Stop, way_m: f64) -> Stop {
+/// The place `way_m` metres after a place, along the lanes that turn least, or the end of the last lane; and the length of
+/// the way to it, metres.
+fn beyond(map: &Map, from: Stop, way_m: f64) -> (Stop, f64) {
     let (mut at, mut left_m) = (from, way_m);
     for _ in 0..LANES_MAX {
-        let Some(lane) = map.lane(at.lane) else { return from };
+        let Some(lane) = map.lane(at.lane) else { return (from, 0.0) };
         let end_m = (lane.line.length() - BEFORE_END_M).max(at.s_m);
         if at.s_m + left_m <= end_m {
-            return Stop { s_m: at.s_m + left_m, ..at };
+            return (Stop { s_m: at.s_m + left_m, ..at }, way_m);
         }
         left_m -= lane.line.length() - at.s_m;
         let heading_rad = lane.line.at(lane.line.length()).pose.heading_rad;
@@ -178,8 +184,8 @@ fn beyond(map: &Map, from: Stop, way_m: f64) -> Stop {
         let next = lane.successors.iter().filter_map(turn).min_by(|a, b| a.0.total_cmp(&b.0));
         match next {
             Some((_, next)) if left_m > 0.0 => at = Stop { lane: next, s_m: 0.0 },
-            _ => return Stop { s_m: end_m, ..at },
+            _ => return (Stop { s_m: end_m, ..at }, way_m - left_m),
         }
     }
-    at
+    (at, way_m - left_m)
 }
