@@ -24,9 +24,9 @@ const START_SPEED_MPS: f64 = 2.0;
 /// Share of the value that is added to a tolerance, as `numpy.allclose` does.
 const RELATIVE: f64 = 1e-5;
 
-/// Problem, and time step of the state.
+/// A state of a solution: planning problem and time step.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Place {
+pub struct StateId {
     /// Identity of the planning problem.
     pub problem: u32,
     /// Time step.
@@ -46,7 +46,7 @@ pub enum Failure {
     /// No state fulfils a goal.
     Goal {
         /// The state within the goal's time that is nearest to it, or the last state.
-        at: Place,
+        at: StateId,
         /// Time steps by which the solution is too short.
         late_steps: u32,
         /// Distance from the goal, metres.
@@ -59,7 +59,7 @@ pub enum Failure {
     /// A value of the first state is not that of the problem.
     Start {
         /// The first state.
-        at: Place,
+        at: StateId,
         /// The value, with its unit.
         quantity: &'static str,
         /// Value of the problem.
@@ -70,7 +70,7 @@ pub enum Failure {
     /// The outline has ground in common with an obstacle.
     Obstacle {
         /// The first such state.
-        at: Place,
+        at: StateId,
         /// Identity of the obstacle.
         obstacle: u32,
         /// Common area with a rectangle, m²; `None` for other shapes.
@@ -81,21 +81,21 @@ pub enum Failure {
     /// A part of the outline is on no lanelet.
     OffRoad {
         /// The first such state.
-        at: Place,
+        at: StateId,
         /// Area on no lanelet, m².
         outside_m2: f64,
     },
     /// Two solved vehicles collide.
     EachOther {
         /// The first such state.
-        at: Place,
+        at: StateId,
         /// Identity of the other planning problem.
         other: u32,
     },
     /// No input leads to a state.
     Infeasible {
         /// The first such state.
-        at: Place,
+        at: StateId,
         /// Remaining differences there.
         miss: Miss,
         /// Number of such states.
@@ -162,8 +162,8 @@ fn outline(driven: &Driven, state: &SolutionState) -> Obb {
     Obb::new(center, vehicle.length_m, vehicle.width_m)
 }
 
-fn place(driven: &Driven, state: &SolutionState) -> Place {
-    Place { problem: driven.problem, step: state.step }
+fn place(driven: &Driven, state: &SolutionState) -> StateId {
+    StateId { problem: driven.problem, step: state.step }
 }
 
 fn unsolved(scenario: &Scenario, solution: &Solution) -> Option<Failure> {
@@ -283,7 +283,7 @@ fn each_other(solved: &[(&PlanningProblem, &Driven)]) -> Option<Failure> {
 fn infeasible(driven: &Driven, step_s: f64) -> Option<Failure> {
     let misses = misses(driven, step_s);
     let miss = *misses.first()?;
-    let at = Place { problem: driven.problem, step: miss.step };
+    let at = StateId { problem: driven.problem, step: miss.step };
     Some(Failure::Infeasible { at, miss, count: misses.len(), of: driven.states.len() - 1 })
 }
 

@@ -11,7 +11,7 @@ use swerve_geom::{Point2, angle_between};
 use swerve_map::Map;
 use swerve_map::router::Stop;
 
-use crate::{Goal, Kind, Motion, Obstacle, PlanningProblem, Scenario, Shape, State};
+use crate::{Goal, Motion, Obstacle, ObstacleKind, PlanningProblem, Scenario, Shape, State};
 
 pub use way::NoWay;
 
@@ -28,11 +28,11 @@ const FASTER: f64 = 1.25;
 const INSIDE_MPS: f64 = 0.5;
 
 /// Height of road users by their kind, metres: files have none.
-fn height_m(kind: Kind) -> f64 {
+fn height_m(kind: ObstacleKind) -> f64 {
     match kind {
-        Kind::Truck | Kind::Bus | Kind::Train => 3.0,
-        Kind::Motorcycle | Kind::Bicycle | Kind::Pedestrian => 1.8,
-        Kind::Car | Kind::Fixed => 1.5,
+        ObstacleKind::Truck | ObstacleKind::Bus | ObstacleKind::Train => 3.0,
+        ObstacleKind::Motorcycle | ObstacleKind::Bicycle | ObstacleKind::Pedestrian => 1.8,
+        ObstacleKind::Car | ObstacleKind::Fixed => 1.5,
     }
 }
 
@@ -116,12 +116,12 @@ impl Scenario {
         };
         let Some(first) = states.first() else { return };
         let kind = match (obstacle.kind, &obstacle.motion) {
-            (_, Motion::Static) | (Kind::Fixed, _) => "static",
-            (Kind::Pedestrian, _) => "pedestrian",
-            (Kind::Bicycle, _) => "cyclist",
-            (Kind::Motorcycle, _) => "motorcycle",
-            (Kind::Truck | Kind::Bus | Kind::Train, _) => "truck",
-            (Kind::Car, _) => "car",
+            (_, Motion::Static) | (ObstacleKind::Fixed, _) => "static",
+            (ObstacleKind::Pedestrian, _) => "pedestrian",
+            (ObstacleKind::Bicycle, _) => "cyclist",
+            (ObstacleKind::Motorcycle, _) => "motorcycle",
+            (ObstacleKind::Truck | ObstacleKind::Bus | ObstacleKind::Train, _) => "truck",
+            (ObstacleKind::Car, _) => "car",
         };
         let [length_m, width_m] = shape.extent_m().map(|size| size.clamp(0.05, 900.0));
         let height_m = height_m(obstacle.kind);

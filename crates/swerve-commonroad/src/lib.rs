@@ -37,12 +37,12 @@ mod solution;
 mod vehicle;
 mod write;
 
-pub use check::{Failure, Place, Verdict, check};
+pub use check::{Failure, StateId, Verdict, check};
 pub use cost::{CostFunction, Costs, Part, costs};
 pub use drive::NoWay;
 pub use feasible::{Miss, misses};
 pub use model::Model;
-pub use obstacle::{Kind, Motion, Obstacle, Occupancy, State};
+pub use obstacle::{Motion, Obstacle, ObstacleKind, Occupancy, State};
 pub use problem::{Goal, GoalPosition, Interval, PlanningProblem};
 pub use recorder::{Ego, Recorder};
 pub use road::Road;

@@ -25,7 +25,7 @@ pub struct State {
 
 /// Kind of an obstacle, by its type in the file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kind {
+pub enum ObstacleKind {
     /// Cars, taxis, parked and priority vehicles, and those of unknown type.
     Car,
     /// Trucks.
@@ -70,7 +70,7 @@ pub struct Obstacle {
     /// Identity in the file.
     pub id: u32,
     /// Kind by its type.
-    pub kind: Kind,
+    pub kind: ObstacleKind,
     /// Shapes around its origin.
     pub shapes: Vec<Shape>,
     /// First state.

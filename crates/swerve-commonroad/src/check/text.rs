@@ -2,9 +2,9 @@
 
 use core::fmt;
 
-use super::{Failure, Place, Verdict};
+use super::{Failure, StateId, Verdict};
 
-impl fmt::Display for Place {
+impl fmt::Display for StateId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "problem {}, step {}", self.problem, self.step)
     }

@@ -5,27 +5,27 @@ use swerve_map_io::quoted;
 use swerve_map_io::xml::{Element, Reader};
 
 use crate::read::{shapes, values};
-use crate::{Kind, Motion, OBSTACLES_MAX, Obstacle, Occupancy, STATES_MAX, State};
+use crate::{Motion, OBSTACLES_MAX, Obstacle, ObstacleKind, Occupancy, STATES_MAX, State};
 
 /// Types of obstacles with their kinds.
-const KINDS: [(&str, Kind); 17] = [
-    ("unknown", Kind::Car),
-    ("car", Kind::Car),
-    ("taxi", Kind::Car),
-    ("parkedVehicle", Kind::Car),
-    ("priorityVehicle", Kind::Car),
-    ("truck", Kind::Truck),
-    ("bus", Kind::Bus),
-    ("train", Kind::Train),
-    ("motorcycle", Kind::Motorcycle),
-    ("bicycle", Kind::Bicycle),
-    ("pedestrian", Kind::Pedestrian),
-    ("constructionZone", Kind::Fixed),
-    ("roadBoundary", Kind::Fixed),
-    ("building", Kind::Fixed),
-    ("pillar", Kind::Fixed),
-    ("medianStrip", Kind::Fixed),
-    ("median_strip", Kind::Fixed),
+const KINDS: [(&str, ObstacleKind); 17] = [
+    ("unknown", ObstacleKind::Car),
+    ("car", ObstacleKind::Car),
+    ("taxi", ObstacleKind::Car),
+    ("parkedVehicle", ObstacleKind::Car),
+    ("priorityVehicle", ObstacleKind::Car),
+    ("truck", ObstacleKind::Truck),
+    ("bus", ObstacleKind::Bus),
+    ("train", ObstacleKind::Train),
+    ("motorcycle", ObstacleKind::Motorcycle),
+    ("bicycle", ObstacleKind::Bicycle),
+    ("pedestrian", ObstacleKind::Pedestrian),
+    ("constructionZone", ObstacleKind::Fixed),
+    ("roadBoundary", ObstacleKind::Fixed),
+    ("building", ObstacleKind::Fixed),
+    ("pillar", ObstacleKind::Fixed),
+    ("medianStrip", ObstacleKind::Fixed),
+    ("median_strip", ObstacleKind::Fixed),
 ];
 
 /// Static and dynamic obstacles in the order of the file.
@@ -76,7 +76,7 @@ fn obstacle(xml: &mut Reader, at: Element<'_>, states: &mut usize) -> Option<Obs
     Some(Obstacle { id, kind, shapes, initial, motion })
 }
 
-fn kind(xml: &mut Reader, at: Element<'_>) -> Kind {
+fn kind(xml: &mut Reader, at: Element<'_>) -> ObstacleKind {
     let name = child(at, "type").map(content).unwrap_or_default();
     let found = KINDS.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind);
     found.unwrap_or_else(|| {
@@ -84,7 +84,7 @@ fn kind(xml: &mut Reader, at: Element<'_>) -> Kind {
         xml.defect(at, || {
             format!("`type`: expected one of {}, found {}: read as a car", known.join(", "), quoted(name))
         });
-        Kind::Car
+        ObstacleKind::Car
     })
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use swerve_geom::Point2;
 use swerve_tests::data_or_skip;
 
-use crate::{GoalPosition, Kind, Motion, Scenario, Shape};
+use crate::{GoalPosition, Motion, ObstacleKind, Scenario, Shape};
 
 const SMALL: &str = include_str!("tests/small.xml");
 
@@ -15,7 +15,7 @@ fn scenario_is_read_with_all_its_parts() {
     assert_eq!((&*scenario.benchmark, scenario.step_s), ("ZAM_Small-1_1_T-1", 0.1));
     assert_eq!(scenario.roads.as_ref().unwrap().lights.len(), 1);
     let [fixed, car, set] = &scenario.obstacles[..] else { panic!("{:?}", scenario.obstacles) };
-    assert_eq!((fixed.kind, &fixed.motion), (Kind::Car, &Motion::Static));
+    assert_eq!((fixed.kind, &fixed.motion), (ObstacleKind::Car, &Motion::Static));
     assert_eq!(fixed.at(7), fixed.at(0));
     let Motion::Trajectory(states) = &car.motion else { panic!("{car:?}") };
     assert_eq!((states.len(), car.last_step()), (2, Some(2)));
