@@ -63,7 +63,8 @@ fn read(path: &Path) -> Result<Scenario, String> {
 pub fn document(path: &Path) -> Result<Document, Problem> {
     let name = path.display().to_string();
     let wrong = |message: String| Problem { file: name.clone(), line: None, key: String::new(), message };
-    let scenario = read(path).map_err(wrong)?;
+    // The problem has the name of the file already.
+    let scenario = read(path).map_err(|message| wrong(message.replace(&format!("{name}:"), "line ")))?;
     let file = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let text = scenario.to_toml(&file).map_err(|error| wrong(error.to_string()))?;
     Document::parse(&name, text)
