@@ -14,6 +14,7 @@ mod rungs;
 mod scored;
 mod story;
 
+pub mod commonroad;
 pub mod frames;
 pub mod graph;
 pub mod interrupt;

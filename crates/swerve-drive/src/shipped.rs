@@ -17,7 +17,7 @@ use swerve_stack::config::programs::Layer;
 use swerve_text::{Document, Problem, Problems, nearest};
 
 use crate::load::problems_error;
-use crate::trust;
+use crate::{commonroad, trust};
 
 /// A built-in file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -399,11 +399,14 @@ impl Kind {
         Document::parse(&given.display().to_string(), text)
     }
 
-    /// Parses a scenario file as TOML.
+    /// Parses a scenario file as TOML, or makes a scenario of one of CommonRoad.
     ///
     /// # Errors
     /// Same as [`document`](Self::document), or if it is a configuration.
     pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
+        if commonroad::is_scenario(given) {
+            return commonroad::document(given);
+        }
         let document = Self::Scenario.document(given)?;
         let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
         let of_config = swerve_text::keys::<Config>("").unwrap_or_default();
@@ -415,6 +418,9 @@ impl Kind {
 
     /// Text of the map file that a scenario names, if the program has it and there is none beside the scenario's file.
     pub(crate) fn map_of(given: &Path, scenario: &Document) -> Option<Arc<str>> {
+        if let Some(text) = commonroad::map_of(given) {
+            return Some(text);
+        }
         let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
         if given.parent().unwrap_or(Path::new("")).join(name).exists() {
             return None;

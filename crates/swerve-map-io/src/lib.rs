@@ -14,6 +14,8 @@
 //! ends meet, [`summary`], [`picture`] and [`points`] are the output of `swerve map show`, [`route`] reads places
 //! and writes ways over lanes.
 //!
+//! [`xml`] and [`content`] read XML files of other kinds with the same checks, such as CommonRoad's obstacles.
+//!
 //! **Errors.** All [`Problems`] of a file at once, each with line, column and element. A file with *faults* is not read:
 //! numbers that are missing or not finite, unsorted or duplicate records, lane identities with holes. *Defects* leave the
 //! geometry as it is, so that published files with them are read: links to things that are not there, ends that do not
@@ -28,7 +30,7 @@
 
 mod assemble;
 pub mod commonroad;
-mod content;
+pub mod content;
 mod cubic;
 mod curve;
 mod draft;
@@ -54,8 +56,8 @@ pub mod sumo;
 mod testing;
 #[cfg(test)]
 mod tests;
-mod xml;
+pub mod xml;
 
 pub use map_file::MapFile;
-pub use problem::{PROBLEMS_MAX, Problem, Problems};
+pub use problem::{PROBLEMS_MAX, Problem, Problems, quoted};
 pub use xml::FILE_MAX;

@@ -49,7 +49,7 @@ impl Problems {
     }
 
     /// These problems and others of the same file.
-    pub(crate) fn with(&self, others: &Self) -> Self {
+    pub fn with(&self, others: &Self) -> Self {
         let kept = self.kept.iter().chain(&others.kept).cloned().collect();
         Self::new(&self.file, kept, self.more + others.more)
     }
@@ -89,7 +89,7 @@ impl fmt::Display for Problems {
 impl std::error::Error for Problems {}
 
 /// Text of a file, quoted for a message: in one line and of limited length.
-pub(crate) fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     let mut short: String = text.chars().take(QUOTE_MAX).collect();
     if short.len() < text.len() {
         short.push('…');

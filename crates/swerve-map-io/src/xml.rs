@@ -24,7 +24,7 @@ const NUMBER_MAX: f64 = 1e9;
 const UNKNOWN_MAX: usize = 100;
 
 /// Parses a file. DTDs are refused, so that there are no entities to expand.
-pub(crate) fn parse<'t>(file: &str, text: &'t str) -> Result<Document<'t>, Problems> {
+pub fn parse<'t>(file: &str, text: &'t str) -> Result<Document<'t>, Problems> {
     let whole = |line: usize, column: usize, message: String| {
         Problems::new(file, vec![Problem { line, column, element: String::new(), message }], 0)
     };
@@ -129,7 +129,7 @@ impl Findings {
 
 /// Reads elements and attributes and collects what is wrong with them.
 #[derive(Default)]
-pub(crate) struct Reader {
+pub struct Reader {
     /// Problems with which the file cannot be read.
     faults: Findings,
     /// Problems that leave the geometry as it is.
@@ -138,36 +138,36 @@ pub(crate) struct Reader {
 }
 
 /// An element of the file.
-pub(crate) type Element<'a> = Node<'a, 'a>;
+pub type Element<'a> = Node<'a, 'a>;
 
 impl Reader {
     /// Faults, defects and the number of unknown elements by name.
-    pub(crate) fn finish(self, file: &str, text: &str) -> (Problems, Problems, BTreeMap<String, usize>) {
+    pub fn finish(self, file: &str, text: &str) -> (Problems, Problems, BTreeMap<String, usize>) {
         (self.faults.resolved(file, text), self.defects.resolved(file, text), self.unknown)
     }
 
     /// Number of faults so far: where it grows, what follows from wrong values is not reported.
-    pub(crate) fn faults(&self) -> usize {
+    pub fn faults(&self) -> usize {
         self.faults.kept.len() + self.faults.more
     }
 
     /// Reports that an element cannot be read.
-    pub(crate) fn fault(&mut self, at: Element<'_>, message: impl FnOnce() -> String) {
+    pub fn fault(&mut self, at: Element<'_>, message: impl FnOnce() -> String) {
         self.faults.push(|| finding(at, None, message()));
     }
 
     /// Reports that an attribute of an element cannot be read.
-    pub(crate) fn fault_in(&mut self, at: Element<'_>, attribute: &str, message: impl FnOnce() -> String) {
+    pub fn fault_in(&mut self, at: Element<'_>, attribute: &str, message: impl FnOnce() -> String) {
         self.faults.push(|| finding(at, Some(attribute), format!("`{attribute}`: {}", message())));
     }
 
     /// Reports a defect of an element.
-    pub(crate) fn defect(&mut self, at: Element<'_>, message: impl FnOnce() -> String) {
+    pub fn defect(&mut self, at: Element<'_>, message: impl FnOnce() -> String) {
         self.defects.push(|| finding(at, None, message()));
     }
 
     /// Counts an element that is not known; refuses it where `carries_geometry`.
-    pub(crate) fn unknown(&mut self, at: Element<'_>, known: &[&str], carries_geometry: bool) {
+    pub fn unknown(&mut self, at: Element<'_>, known: &[&str], carries_geometry: bool) {
         let name = at.tag_name().name();
         if carries_geometry {
             self.fault(at, || {
@@ -183,12 +183,12 @@ impl Reader {
     }
 
     /// Child elements by name; others are unknown. Those with the coefficients of a polynomial carry geometry.
-    pub(crate) fn children<'a>(&mut self, of: Element<'a>, known: &[&str]) -> Vec<Element<'a>> {
+    pub fn children<'a>(&mut self, of: Element<'a>, known: &[&str]) -> Vec<Element<'a>> {
         self.children_where(of, known, |child| child.has_attribute("a") && child.has_attribute("b"))
     }
 
     /// As [`children`](Self::children), where all unknown elements carry geometry.
-    pub(crate) fn geometric<'a>(&mut self, of: Element<'a>, known: &[&str]) -> Vec<Element<'a>> {
+    pub fn geometric<'a>(&mut self, of: Element<'a>, known: &[&str]) -> Vec<Element<'a>> {
         self.children_where(of, known, |_| true)
     }
 
@@ -213,7 +213,7 @@ impl Reader {
     }
 
     /// A required number, finite and of a magnitude that occurs on Earth; 0 where it is wrong.
-    pub(crate) fn number(&mut self, of: Element<'_>, name: &str) -> f64 {
+    pub fn number(&mut self, of: Element<'_>, name: &str) -> f64 {
         self.number_if(of, name).unwrap_or_else(|| {
             if !of.has_attribute(name) {
                 self.missing(of, name);
@@ -223,7 +223,7 @@ impl Reader {
     }
 
     /// Reports a missing attribute.
-    pub(crate) fn missing(&mut self, of: Element<'_>, name: &str) {
+    pub fn missing(&mut self, of: Element<'_>, name: &str) {
         self.fault(of, || {
             let names = of.attributes().map(|attribute| attribute.name());
             let near = swerve_text::nearest(name, names);
@@ -233,18 +233,18 @@ impl Reader {
     }
 
     /// A number that may be left out.
-    pub(crate) fn number_or(&mut self, of: Element<'_>, name: &str, default: f64) -> f64 {
+    pub fn number_or(&mut self, of: Element<'_>, name: &str, default: f64) -> f64 {
         self.number_if(of, name).unwrap_or(default)
     }
 
     /// A number, if it is there and valid.
-    pub(crate) fn number_if(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
+    pub fn number_if(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
         let text = of.attribute(name)?;
         number(text).map_err(|message| self.fault_in(of, name, || message)).ok()
     }
 
     /// A number that carries no geometry: where it is not one, that is a defect. Empty texts are missing numbers.
-    pub(crate) fn lenient(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
+    pub fn lenient(&mut self, of: Element<'_>, name: &str) -> Option<f64> {
         let text = of.attribute(name).map(str::trim).filter(|text| !text.is_empty())?;
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && value.abs() <= NUMBER_MAX);
         if value.is_none() {
@@ -254,7 +254,7 @@ impl Reader {
     }
 
     /// A required number that is not negative.
-    pub(crate) fn distance(&mut self, of: Element<'_>, name: &str) -> f64 {
+    pub fn distance(&mut self, of: Element<'_>, name: &str) -> f64 {
         let value = self.number(of, name);
         if value < 0.0 {
             self.fault_in(of, name, || format!("expected a number of at least 0, found {value}"));
@@ -263,7 +263,7 @@ impl Reader {
     }
 
     /// A required whole number.
-    pub(crate) fn integer(&mut self, of: Element<'_>, name: &str) -> Option<i32> {
+    pub fn integer(&mut self, of: Element<'_>, name: &str) -> Option<i32> {
         let Some(text) = of.attribute(name) else {
             self.missing(of, name);
             return None;
@@ -276,7 +276,7 @@ impl Reader {
     }
 
     /// A required text.
-    pub(crate) fn text(&mut self, of: Element<'_>, name: &str) -> String {
+    pub fn text(&mut self, of: Element<'_>, name: &str) -> String {
         let Some(text) = of.attribute(name) else {
             self.missing(of, name);
             return String::new();
@@ -285,7 +285,7 @@ impl Reader {
     }
 
     /// A required name out of a list; `None` where it is another, which is a fault.
-    pub(crate) fn name<'n>(&mut self, of: Element<'_>, name: &str, known: &[&'n str]) -> Option<&'n str> {
+    pub fn name<'n>(&mut self, of: Element<'_>, name: &str, known: &[&'n str]) -> Option<&'n str> {
         let Some(text) = of.attribute(name) else {
             self.missing(of, name);
             return None;
@@ -305,7 +305,7 @@ impl Reader {
 ///
 /// # Errors
 /// The expected number and the text.
-pub(crate) fn number(text: &str) -> Result<f64, String> {
+pub fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() && value.abs() <= NUMBER_MAX => Ok(value),
         Ok(value) if value.is_nan() => Err("expected a finite number, found NaN".to_owned()),
@@ -320,7 +320,7 @@ pub(crate) fn number(text: &str) -> Result<f64, String> {
 const EXTENSIONS: [&str; 3] = ["userData", "include", "dataQuality"];
 
 /// Text of an optional attribute; empty where it is missing.
-pub(crate) fn optional(of: Element<'_>, name: &str) -> String {
+pub fn optional(of: Element<'_>, name: &str) -> String {
     of.attribute(name).unwrap_or_default().to_owned()
 }
 

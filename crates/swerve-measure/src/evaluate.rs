@@ -1,7 +1,8 @@
 //! `swerve eval`: compares the results of a detector, tracker, localizer or predictor, in common file formats, with the
-//! ground truth; driving scores from the records of routes.
+//! ground truth; driving scores from the records of routes; the check of CommonRoad's solutions.
 
 mod coco;
+mod commonroad;
 mod input;
 mod kitti;
 mod localization;
@@ -22,6 +23,7 @@ use serde_json::Value;
 use swerve_report::output::align;
 use swerve_stack::Registry;
 
+use commonroad::CommonroadArgs;
 use localization::LocalizationArgs;
 use prediction::PredictionArgs;
 use registration::RegistrationArgs;
@@ -50,6 +52,8 @@ enum What {
     Registration(RegistrationArgs),
     /// Driving scores of the CARLA Leaderboard 1.0, 2.0 and 2.1 from the records of routes
     Score(ScoreArgs),
+    /// Solutions of CommonRoad's scenarios: validity with step and amount of each failure, and costs
+    Commonroad(CommonroadArgs),
 }
 
 #[derive(clap::Args, Debug)]
@@ -98,6 +102,7 @@ fn output(args: &EvalArgs, registry: &Registry) -> anyhow::Result<(String, Optio
     let text = match &args.what {
         What::Registration(args) => return registration::told(args),
         What::Score(args) => return score::outcome(args),
+        What::Commonroad(args) => return commonroad::outcome(args),
         What::Detection(DetectionArgs { format: Format::Coco, compared }) => {
             told(compared, &coco::evaluate(compared)?, coco::table)
         }

@@ -289,9 +289,14 @@ pub fn refuse_toml(picture: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The `.toml` files below `folder`, sorted by path. Links to folders are not followed, as they may form a cycle; only
-/// regular files are listed.
+/// The `.toml` files below `folder`, sorted by path, as [`files_below`].
 pub fn toml_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    files_below(folder, |path| path.extension().is_some_and(|e| e == "toml"))
+}
+
+/// The files below `folder` that `is_meant` accepts, sorted by path. Links to folders are not followed, as they may form
+/// a cycle; only regular files are listed.
+pub fn files_below(folder: &Path, is_meant: impl Fn(&Path) -> bool) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -301,7 +306,7 @@ pub fn toml_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
             let (path, kind) = (entry.path(), entry.file_type());
             if kind.is_ok_and(|kind| kind.is_dir()) {
                 folders.push(path);
-            } else if path.is_file() && path.extension().is_some_and(|e| e == "toml") {
+            } else if path.is_file() && is_meant(&path) {
                 found.push(path);
             }
         }

@@ -69,7 +69,9 @@ fn start(scenario: &Scenario, shape: &Shape, ego_key: &str, found: &mut Vec<(Str
     }
     // A seed shifts the start along the road by up to this distance.
     let drawn = Obb { half_length_m: footprint.half_length_m + EGO_START_M, ..footprint };
-    for actor in scenario.actors.iter().filter(|actor| actor.distance_to(route.line(), &drawn) == 0.0) {
+    // Recorded road users are where they were.
+    let written = scenario.actors.iter().filter(|actor| actor.track().is_none());
+    for actor in written.filter(|actor| actor.distance_to(route.line(), &drawn) == 0.0) {
         let inside = actor.distance_to(route.line(), &footprint) == 0.0;
         let how = if inside { "" } else { ", or can be as a seed draws it (within 0.5 m)," };
         let (s_m, d_m, name) = (scenario.ego.s_m, scenario.ego.d_m, &actor.name);
@@ -135,11 +137,12 @@ fn overlaps(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
 
 fn is_inside(scenario: &Scenario, line: &Polyline, i: usize, other: usize) -> bool {
     let (actor, other) = (&scenario.actors[i], &scenario.actors[other]);
+    let is_recorded = actor.track().is_some() || other.track().is_some();
     let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
     // For two round bodies, one is replaced by its box, which contains it.
     let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
     let rectangle = square.extent.footprint(square.pose(line));
-    !both_fixed && round.distance_to(line, &rectangle) == 0.0
+    !is_recorded && !both_fixed && round.distance_to(line, &rectangle) == 0.0
 }
 
 /// Pairs of actors, the later one first, that are near enough along x to touch.

@@ -8,6 +8,8 @@
 //! | start, direction and speed of an actor | its [`Vary`](crate::Vary) | [`Scenario::drawn`] |
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
 //! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
+//!
+//! A scenario with `seeded = false` is not varied; sensors are.
 
 use swerve_core::{Rng, Span};
 

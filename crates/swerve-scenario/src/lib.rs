@@ -10,6 +10,7 @@
 //! ```toml
 //! name = "person_crossing"
 //! description = "for people"                          # ?
+//! seeded = true                                       # ? false: a seed varies sensors only
 //!
 //! [road]                                              # from the map's origin along +x
 //! segments = [{ length_m = 100.0, curvature_1pm = 0.0 }]  # curvature ?, positive turns left
@@ -104,6 +105,12 @@
 //! start = { road = "1", lane = -1, s_m = 30.0 }       # ? in place of s_m, which is along the ego's route
 //! goal = { road = "3", lane = 1, s_m = 30.0 }         # ? and via; without it, along lanes that turn least
 //!
+//! [[actor]]
+//! name = "recorded"
+//! kind = "car"
+//! track = { from_s = 0.5, step_s = 0.1, at = [[5.0, 1.0], [6.0, 1.0]], heading_rad = [0.0, 0.0] }  # in place of start and
+//! #                                                     motion; absent before and after
+//!
 //! [[slippery]]                                        # ? with start, goal and via as an actor, else along the ego's route
 //! name = "ice"
 //! start = { road = "1", lane = -1, s_m = 30.0 }
@@ -148,7 +155,7 @@ pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
-    Standstill, Subject, Traffic, Trigger,
+    Standstill, Subject, Track, Traffic, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};

@@ -244,6 +244,19 @@ pub enum Motion {
         /// Points after the present position. Never empty.
         points: Vec<RoadPlace>,
     },
+    /// Recorded motion, the only leg of its actor.
+    Track(Track),
+}
+
+/// Recorded motion: poses of the centre at a constant period. The actor is absent before the first and after the last.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Track {
+    /// Time of the first pose since the start of the run, seconds.
+    pub from_s: f64,
+    /// Period, seconds.
+    pub step_s: f64,
+    /// Poses in the map. Never empty.
+    pub poses: Arc<[Pose2]>,
 }
 
 impl Motion {
@@ -253,6 +266,10 @@ impl Motion {
             Self::Wait { .. } => 0.0,
             Self::Walk { speed_mps, .. } | Self::Path { speed_mps, .. } => *speed_mps,
             Self::Drive { speeds, .. } => speeds.iter().map(|point| point.speed_mps).fold(0.0, f64::max),
+            Self::Track(track) => {
+                let ways_m = track.poses.windows(2).map(|two| two[0].point().distance(two[1].point()));
+                ways_m.fold(0.0, f64::max) / track.step_s
+            }
         }
     }
 }
@@ -457,6 +474,14 @@ impl Actor {
             motion: Vec::new(),
             vary: Vary::default(),
         }
+    }
+
+    /// Recorded motion, if it has one.
+    pub fn track(&self) -> Option<&Track> {
+        self.motion.iter().find_map(|motion| match motion {
+            Motion::Track(track) => Some(track),
+            _ => None,
+        })
     }
 
     /// Line that it is placed by, given that of the road.

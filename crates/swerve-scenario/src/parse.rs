@@ -5,6 +5,7 @@ mod egos;
 mod expect;
 mod map;
 mod slippery;
+mod track;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -17,8 +18,8 @@ pub(crate) use self::actor::usual_mass_kg;
 use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{
-    Course, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip, Traffic,
-    TrafficLight, check,
+    Actor, Course, Draws, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip,
+    Traffic, TrafficLight, check,
 };
 
 /// Positions along and across the road, metres.
@@ -134,7 +135,10 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         let setting = actor::Setting { id: *id, name, ego: &ego_name, known: &known, on_map, map };
         actor::read(table, setting)
     });
-    let actors = actors.collect();
+    let actors: Vec<Actor> = actors.collect();
+    // As if it were drawn already.
+    let fixed = top.truth_if_any("seeded") == Some(false);
+    let draws = fixed.then(|| Draws { trigger_m: vec![0.0; actors.len()], ..Draws::default() });
     let end = end(top, &known);
     let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
@@ -152,7 +156,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         actors,
         traffic,
         expect,
-        draws: None,
+        draws,
         text: Arc::default(),
     };
     if sound {

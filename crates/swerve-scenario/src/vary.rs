@@ -48,7 +48,7 @@ impl Actor {
         self.heading_rad += turn_by_rad;
         for leg in &mut self.motion {
             match leg {
-                Motion::Wait { .. } => {}
+                Motion::Wait { .. } | Motion::Track(_) => {}
                 Motion::Walk { speed_mps, turn_rad, .. } => {
                     *speed_mps *= faster;
                     *turn_rad += turn_by_rad;

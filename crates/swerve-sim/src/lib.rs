@@ -25,6 +25,7 @@ mod script;
 mod scripted;
 pub mod sense;
 mod simulator;
+mod track;
 mod traffic;
 
 pub use ahead::Ahead;

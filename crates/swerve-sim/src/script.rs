@@ -4,11 +4,15 @@ use swerve_geom::{FrenetPoint, LineTracker, Point2, Polyline, Pose2};
 use swerve_scenario::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint};
 use swerve_world::Movement;
 
+use crate::track::Played;
+
 /// All legs of one actor in sequence, from its start.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Script {
     start: Pose2,
     legs: Vec<Leg>,
+    /// Recorded motion in place of legs.
+    track: Option<Played>,
 }
 
 /// One leg. Its motion is a distance (metres since its start) along a course.
@@ -33,7 +37,8 @@ enum Course {
 impl Script {
     pub(crate) fn new(actor: &Actor, line: &Polyline) -> Self {
         let start = actor.pose(line);
-        let mut script = Self { start, legs: Vec::new() };
+        let track = actor.track().map(|track| Played::new(actor.id, track));
+        let mut script = Self { start, legs: Vec::new(), track };
         let mut at = start;
         let mut begins_s = 0.0;
         let mut place = LineTracker::starting_at(actor.s_m, start.point());
@@ -50,16 +55,22 @@ impl Script {
 
     /// True if it ever moves.
     pub(crate) fn moves(&self) -> bool {
-        !self.legs.is_empty()
+        !self.legs.is_empty() || self.track.is_some()
     }
 
     /// True if it is at rest for good `after_s` seconds after its start.
     pub(crate) fn is_over(&self, after_s: f64) -> bool {
+        if let Some(track) = &self.track {
+            return track.is_over(after_s);
+        }
         self.legs.last().is_none_or(|leg| after_s > leg.begins_s + leg.lasts_s)
     }
 
     /// Pose and velocity `after_s` seconds after its start; `None` before the start.
     pub(crate) fn at(&self, after_s: Option<f64>, line: &Polyline) -> Movement {
+        if let Some(track) = &self.track {
+            return track.at(after_s.unwrap_or_default());
+        }
         let (Some(after_s), false) = (after_s, self.legs.is_empty()) else {
             return Movement::at_rest(self.start);
         };
@@ -125,6 +136,7 @@ fn courses(
             vec![(course(*along, at, place, line), speeds.clone(), lasts_s)]
         }
         Motion::Path { speed_mps, points } => path(*speed_mps, points, at.point(), line),
+        Motion::Track(_) => Vec::new(),
     }
 }
 

@@ -1,3 +1,4 @@
+mod shown;
 mod touch;
 
 use std::collections::BTreeMap;
@@ -14,7 +15,7 @@ use swerve_msg::{ActorId, ActorKind, Command, Extent, Route};
 use swerve_scenario::{OtherEgo, Scenario};
 use swerve_traffic::GroupDriver;
 use swerve_vehicle::{Shape, VehicleParams};
-use swerve_world::{Driver, Movement, View, World};
+use swerve_world::{Driver, Movement, View};
 
 use self::touch::near;
 use crate::bodies::{self, Body, Mode, Placed};
@@ -72,6 +73,8 @@ pub struct Simulator {
     state: WorldState,
     /// States in the views of the other egos.
     views: Vec<WorldState>,
+    /// The state without absent road users; `None` without recorded ones.
+    shown: Option<WorldState>,
 }
 
 /// Car of one ego, and what it is judged by.
@@ -182,6 +185,7 @@ impl Simulator {
             earlier_actors: Vec::new(),
             state,
             views: Vec::new(),
+            shown: None,
         };
         simulator.populate();
         simulator.views = simulator.views();
@@ -212,8 +216,8 @@ impl Simulator {
                 velocity_mps: movement.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            let ground =
-                traffic::is_of_traffic(&self.scenario, actor.id).then_some((state.pose.point(), state.z_m));
+            let comes_and_goes = traffic::is_of_traffic(&self.scenario, actor.id) || actor.track().is_some();
+            let ground = comes_and_goes.then_some((state.pose.point(), state.z_m));
             self.actors.push(Player { body, driver, s_m: at.s_m, ground, is_away: false });
             self.state.actors.push(state);
         }
@@ -287,7 +291,7 @@ impl Simulator {
 
     /// State after the last step, in the view of the first ego; that of instant 0 before the first step.
     pub fn state(&self) -> &WorldState {
-        &self.state
+        self.shown.as_ref().unwrap_or(&self.state)
     }
 
     /// Speeds of the first ego's wheels after the last step, rad/s: front left, front right, rear left, rear right.
@@ -331,7 +335,7 @@ impl Simulator {
         self.earlier_actors = before.actors;
         self.judge();
         self.show();
-        &self.state
+        self.state()
     }
 
     fn outline(&self) -> Obb {
@@ -485,49 +489,6 @@ impl Simulator {
             let ended = ego.rules.ended(view, center);
             view.ended = view.ended.or(ended);
         }
-    }
-
-    /// Shows the present state to all drivers.
-    fn show(&mut self) {
-        let ego = self.outline();
-        for (player, actor) in self.actors.iter_mut().zip(&self.state.actors) {
-            player.driver.observe(&View { own: actor.id, world: &self.state, ego, map: &self.map });
-        }
-    }
-}
-
-impl World for Simulator {
-    fn map(&self) -> &Arc<Map> {
-        &self.map
-    }
-
-    fn state(&self) -> &WorldState {
-        &self.state
-    }
-
-    fn state_of(&self, ego: ActorId) -> Option<&WorldState> {
-        core::iter::once(&self.state).chain(&self.views).find(|view| view.ego.id == ego)
-    }
-
-    fn advance(&mut self, until: Time, commands: &[(ActorId, Command)]) -> &WorldState {
-        for (id, command) in commands {
-            if let Some(ego) = self.egos.iter_mut().find(|ego| ego.car.id() == *id) {
-                ego.command = *command;
-            }
-        }
-        while self.state.stamp < until {
-            self.step(self.egos[0].command);
-        }
-        &self.state
-    }
-}
-
-impl core::fmt::Debug for Simulator {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Simulator")
-            .field("scenario", &self.scenario.name)
-            .field("stamp", &self.state.stamp)
-            .finish_non_exhaustive()
     }
 }
 

@@ -31,7 +31,7 @@ use crate::{Bench, Driven, How, finish};
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
 pub struct SuiteArgs {
-    /// Scenario files (TOML), folders of them, or names of built-in ones, such as lane or the folder everyday [default:
+    /// Scenario files (TOML, CommonRoad), folders of them, or names of built-in ones, such as lane or the folder everyday [default:
     /// all built-in ones without routes; with --rules those in routes or nhtsa]
     #[arg(value_name = "SCENARIO|DIR")]
     scenarios: Vec<PathBuf>,
@@ -264,7 +264,8 @@ fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let is_scenario =
         |document: Document| ["road", "map", "actor"].iter().any(|key| document.table.contains_key(*key));
     files.retain(|file| Document::read(file).map_or(true, is_scenario));
-    anyhow::ensure!(!files.is_empty(), "{}: no scenario (.toml) in this folder", folder.display());
+    files.extend(swerve_drive::commonroad::scenarios_in(folder)?);
+    anyhow::ensure!(!files.is_empty(), "{}: no scenario (.toml, .xml) in this folder", folder.display());
     Ok(files)
 }
 

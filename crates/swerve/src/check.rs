@@ -109,7 +109,9 @@ fn counted(n: usize, what: &str) -> String {
 /// Reads a file, or the built-in one of this name.
 fn read(path: &Path) -> Result<Document, Problem> {
     const KINDS: [Kind; 5] = [Kind::Scenario, Kind::Config, Kind::Live, Kind::Study, Kind::Timing];
-    if path.exists() {
+    if swerve_drive::commonroad::is_scenario(path) {
+        return swerve_drive::commonroad::document(path);
+    } else if path.exists() {
         return Document::read(path);
     }
     let found = KINDS.into_iter().find_map(|kind| kind.document(path).ok());

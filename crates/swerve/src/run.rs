@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use swerve_drive::commonroad::{SolutionArgs, Solving};
 use swerve_drive::frames::{Frames, Sinks};
 use swerve_drive::graph::note_redirected;
 use swerve_drive::interrupt::stop_on_interrupt;
@@ -62,6 +63,8 @@ pub(crate) struct RunArgs {
     /// Take run times from an earlier log instead of the configuration; --set operator.NAME.runtime takes precedence
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
+    #[command(flatten)]
+    solution: SolutionArgs,
     /// Clock that advances the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
@@ -108,6 +111,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     // Before the run's folder is created: a missing ffmpeg leaves no folder.
     let mut frames = frames(args, &config, &pipeline)?;
+    let mut solving = Solving::of(&args.solution, &args.input.scenario, &pipeline)?;
     let folder = RunFolder::claim(args.out.as_deref(), &stem(&args.input.scenario), args.overwrite)?;
     let out = &folder.path;
     let mut progress = Progress::simulated(scenario.end.timeout_s);
@@ -124,6 +128,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut story = story(&config, &scenario, &pipeline);
     let mut report = RunReport::new(&config, &pipeline, command);
     let mut pictured: Vec<&mut dyn Observer> = vec![&mut story, &mut report];
+    pictured.extend(solving.as_mut().map(|solving| solving as &mut dyn Observer));
     pictured.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let mut observers: Vec<&mut dyn Observer> = vec![&mut progress, &mut recording, &mut trace];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
@@ -161,7 +166,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let written = report.write(out, &outcome.digest.to_string(), &json);
     let left = written.and_then(|()| ends.leave(&json, &story));
     let place = left.as_deref().unwrap_or_default();
-    print(&if args.json { json } else { summary.text() + place })?;
+    let solved = solving.map_or_else(|| Ok(String::new()), |solving| solving.write())?;
+    print(&if args.json { json } else { summary.text() + &solved + place })?;
     // The run is complete and reported at this point.
     recorded.and(left.map(drop)).and(drawn.map(drop))?;
     anyhow::ensure!(!args.strict || summary.is_as_expected(), "not as the scenario expects (--strict)");

@@ -1,6 +1,8 @@
 use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_text::{Range, TableReader};
 
+use super::track;
+
 use super::map::{Loaded, line_of};
 use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, identity, unknown_actor};
 use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger, Vary};
@@ -41,6 +43,9 @@ pub(super) fn read(
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let named = table.one_of("kind", &kind_names);
     let (kind, _, size, mass) = KINDS[named.unwrap_or(0)];
+    if on_map && table.has("track") {
+        return recorded(table, (id, name, kind), extent(table, named.map(|_| kind), size), mass);
+    }
     let at_start = on_map && table.has("start");
     let motion = motions(table, kind);
     let fastest_mps = motion.iter().map(Motion::fastest_mps).fold(0.0, f64::max);
@@ -74,6 +79,24 @@ pub(super) fn read(
     }
     table.finish();
     actor
+}
+
+/// An actor with recorded motion.
+fn recorded(
+    table: &TableReader<'_>,
+    (id, name, kind): (ActorId, &str, ActorKind),
+    extent: Extent,
+    mass_kg: f64,
+) -> Actor {
+    let track = track::read(table);
+    let first = track.poses.first().copied().unwrap_or_default();
+    let mass_kg = table.number_or("mass_kg", mass_kg, Range::between(0.1, 100_000.0));
+    if kind == ActorKind::Static && track.poses.len() > 1 {
+        table.report("track", "an actor of kind \"static\" cannot move");
+    }
+    table.finish();
+    let motion = if kind == ActorKind::Static { Vec::new() } else { vec![Motion::Track(track)] };
+    Actor { mass_kg, motion, ..Actor::at_rest(id, name.to_owned(), kind, extent, first) }
 }
 
 /// Reads the size of an actor; `kind` is `None` if it is wrong, and the size may then be that of any kind.

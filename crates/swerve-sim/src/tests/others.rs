@@ -1,8 +1,12 @@
 //! Collisions between two actors.
 
+use std::sync::Arc;
+
 use super::*;
 use crate::sense::collisions;
+use swerve_geom::Pose2;
 use swerve_msg::truth::Collision;
+use swerve_scenario::{Motion, Track};
 
 /// A wide road on which the ego drives past the actors.
 fn beside(actors: &str) -> Scenario {
@@ -88,4 +92,37 @@ fn state_is_the_same_but_for_collisions_of_others() {
         (alone.stamp, &alone.ego, &alone.actors[0]),
         (through.stamp, &through.ego, &through.actors[0])
     );
+}
+
+/// A car that is there from 1 s to 2 s, beside the ego or ahead of it in its lane.
+fn recorded(x_m: f64, y_m: f64) -> Scenario {
+    let mut scenario = beside(CAR);
+    let poses: Arc<[Pose2]> = (0..=10).map(|k| Pose2::new(x_m + f64::from(k), y_m, 0.0)).collect();
+    scenario.actors[0].motion = vec![Motion::Track(Track { from_s: 1.0, step_s: 0.1, poses })];
+    scenario
+}
+
+#[test]
+fn recorded_road_user_is_in_the_state_only_while_it_is_there() {
+    let mut sim = exact(&recorded(30.0, 6.0), 200);
+    assert!(sim.state().actors.is_empty());
+    let mut seen = Vec::new();
+    drive(
+        &mut sim,
+        |state| keep(state, 10.0),
+        |state| seen.extend(state.actors.iter().map(|car| (state.stamp, car.pose, car.velocity_mps.x))),
+    );
+    assert_eq!(sim.state().ended, Some(EndReason::Goal));
+    let (first, last) = (seen[0], seen[seen.len() - 1]);
+    assert_eq!((first.0, last.0, seen.len()), (Time::from_ms(1000), Time::from_ms(2000), 201));
+    assert!((first.1.x_m - 30.0).abs() < 1e-6 && (last.1.x_m - 40.0).abs() < 1e-6);
+    assert!(seen.iter().all(|(.., speed_mps)| (speed_mps - 10.0).abs() < 1e-6));
+}
+
+#[test]
+fn road_user_that_appears_inside_the_ego_is_a_collision() {
+    let mut sim = exact(&recorded(11.0, 0.0), 200);
+    let mut hits = Vec::new();
+    drive(&mut sim, |state| keep(state, 10.0), |state| hits.extend(state.collisions_of_ego().cloned()));
+    assert!((hits[0].stamp.as_secs() - 1.0).abs() < 0.02, "{hits:?}");
 }

@@ -159,6 +159,10 @@ fn ways(scenario: &Scenario, line: &Polyline) -> Vec<Point2> {
             let road_rad = line.at(line.project(at.point()).s_m).pose.heading_rad;
             let (heading_rad, distance_m) = match leg {
                 Leg::Wait { .. } => continue,
+                Leg::Track(track) => {
+                    track.poses.iter().for_each(|pose| go(*pose));
+                    continue;
+                }
                 Leg::Walk { distance_m, direction, turn_rad, .. } => {
                     (road_rad + turn(*direction) + turn_rad, *distance_m)
                 }
