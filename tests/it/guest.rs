@@ -31,11 +31,14 @@ fn config(sets: &[&str]) -> Setup {
     Setup::load(None, &swerve_text::parse_assignments(&sets).unwrap()).unwrap()
 }
 
+/// Name of a stream and the bytes of one message.
+type Sent = (String, Vec<u8>);
+
 /// A simulated car and its sensors, for a stack outside of it.
 struct Simulated {
     session: Session<'static>,
     seat: Seat<swerve_msg::Command>,
-    heard: Arc<Mutex<Vec<(String, Vec<u8>)>>>,
+    heard: Arc<Mutex<Vec<Sent>>>,
 }
 
 impl Simulated {

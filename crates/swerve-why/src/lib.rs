@@ -203,18 +203,7 @@ impl Logged {
     /// If there is no actor of that name, or no world state at that instant.
     pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
-        let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
-        let of_name = |name: &str| pipeline.scenario.actors.iter().find(|actor| actor.name == name);
-        let named = match actor {
-            None => None,
-            Some(name) => Some(of_name(name).map(|actor| actor.id).with_context(|| {
-                if pipeline.scenario.actors.is_empty() {
-                    return format!("--actor {name}: there is no actor in the scenario");
-                }
-                let known = names().collect::<Vec<_>>().join(", ");
-                format!("--actor {name}: expected one of {known}{}", did_you_mean(name, names()))
-            })?),
-        };
+        let named = actor.map(|name| actor_named(&pipeline, name)).transpose()?;
         let mut evaluation = swerve_eval::Evaluation::new(swerve_eval::Params {
             ego: outline(&pipeline.vehicle.shape),
             dead_time: Span::ZERO,
@@ -412,6 +401,20 @@ impl Logged {
 fn is_of<T>(publication: &PublicationRecord, operator: Option<&str>) -> bool {
     let stream = &publication.stream;
     operator == Some(stream.operator.as_str()) && stream.type_name == core::any::type_name::<T>()
+}
+
+/// Actor of the scenario with the name that `--actor` gives.
+fn actor_named(pipeline: &Pipeline, name: &str) -> anyhow::Result<ActorId> {
+    let actors = &pipeline.scenario.actors;
+    let of_name = actors.iter().find(|actor| actor.name == name).map(|actor| actor.id);
+    of_name.with_context(|| {
+        if actors.is_empty() {
+            return format!("--actor {name}: there is no actor in the scenario");
+        }
+        let names = || actors.iter().map(|actor| actor.name.as_str());
+        let known = names().collect::<Vec<_>>().join(", ");
+        format!("--actor {name}: expected one of {known}{}", did_you_mean(name, names()))
+    })
 }
 
 #[cfg(test)]

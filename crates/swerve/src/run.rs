@@ -96,10 +96,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let (config, scenario) = load(registry, &input)?;
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
-    let needed = [(on_ros2, swerve_ros2::bridge::MISSING), (!config.process.is_empty(), swerve_ipc::MISSING)];
-    if let Some(why) = needed.into_iter().find_map(|(is_needed, missing)| missing.filter(|_| is_needed)) {
-        anyhow::bail!(why);
-    }
+    ensure_built_in(on_ros2, &config)?;
     trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
@@ -172,6 +169,13 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     recorded.and(left.map(drop)).and(drawn.map(drop))?;
     anyhow::ensure!(!args.strict || summary.is_as_expected(), "not as the scenario expects (--strict)");
     Ok(())
+}
+
+/// Ends with an error if the program was built without a part that the run needs.
+fn ensure_built_in(on_ros2: bool, config: &Setup) -> anyhow::Result<()> {
+    let needed = [(on_ros2, swerve_ros2::bridge::MISSING), (!config.process.is_empty(), swerve_ipc::MISSING)];
+    let missing = needed.into_iter().find_map(|(is_needed, missing)| missing.filter(|_| is_needed));
+    missing.map_or(Ok(()), |why| Err(anyhow::anyhow!(why)))
 }
 
 /// State needed to conclude a run.

@@ -1,6 +1,8 @@
 //! Slippery patches under the wheels of the ego, against closed forms.
 
 use super::*;
+use swerve_world::World as _;
+
 use crate::tests::{at_hz, drive, scenario};
 
 const G_MPS2: f64 = 9.81;

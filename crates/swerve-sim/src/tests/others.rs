@@ -123,6 +123,10 @@ fn recorded_road_user_is_in_the_state_only_while_it_is_there() {
 fn road_user_that_appears_inside_the_ego_is_a_collision() {
     let mut sim = exact(&recorded(11.0, 0.0), 200);
     let mut hits = Vec::new();
-    drive(&mut sim, |state| keep(state, 10.0), |state| hits.extend(state.collisions_of_ego().cloned()));
+    drive(
+        &mut sim,
+        |state| keep(state, 10.0),
+        |state| hits.extend(state.collisions_of_ego().map(|(_, hit)| hit.clone())),
+    );
     assert!((hits[0].stamp.as_secs() - 1.0).abs() < 0.02, "{hits:?}");
 }
