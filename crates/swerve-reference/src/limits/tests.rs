@@ -249,7 +249,8 @@ const ON_MAP: &str = r#"
     map = { file = "crossing.xodr", friction = 0.9, light = [{ controller = "north_south", green_s = 10.0, yellow_s = 3.0,
       red_s = 10.0, offset_s = 1.0 }], closure = [{ at = TO, reported_s = 1.0 }] }
     ego = { start = FROM, via = [VIA], goal = TO, target_speed_mps = 10.0 }
-    actor = [{ name = "box", kind = "car", start = FROM_2, via = [VIA], goal = TO }]
+    actor = [{ name = "box", kind = "car", start = FROM_2, via = [VIA], goal = TO },
+      { name = "recorded", kind = "car", track = { from_s = 1.0, step_s = 0.1, at = [[1.75, -90.0]], heading_rad = [1.57] } }]
     slippery = [{ name = "ice", friction = 0.2, start = FROM_2, via = [VIA], goal = TO, length_m = 15.0 }]
     traffic = { vehicles = 3, pedestrians = 2, cyclists = 1 }
 "#;
@@ -257,7 +258,8 @@ const ON_MAP: &str = r#"
 /// Text of a scenario that has a key; with places of the form that the key belongs to.
 fn scenario_with(key: &str) -> String {
     let is_place = ["start", "via", "goal", "at"].iter().any(|part| key.split('.').any(|one| one == *part));
-    if !(key.starts_with("map.") || key.starts_with("traffic.") || is_place) {
+    let is_of_map = ["map.", "traffic.", "actor.NAME.track."].iter().any(|start| key.starts_with(start));
+    if !(is_of_map || is_place) {
         return SCENARIO.to_owned();
     }
     let places = match key.ends_with(".s_m") || !is_place {
@@ -272,7 +274,8 @@ fn scenario_with(key: &str) -> String {
 
 /// Path in the scenario of a key of the list.
 fn place_in_scenario(key: &str) -> String {
-    const PLACES: [(&str, &str); 9] = [
+    const PLACES: [(&str, &str); 10] = [
+        ("actor.NAME.track", "actor.recorded.track"),
         ("actor.NAME.motion.NAME.wait", "actor.walker.motion.0.wait"),
         ("actor.NAME.motion.NAME.walk", "actor.walker.motion.1.walk"),
         ("actor.NAME.motion.NAME.drive", "actor.driver.motion.0.drive"),

@@ -255,7 +255,7 @@ fn wrong_motion_expectation_and_text_are_reported() {
             "22 end.timeout_s: expected a number from 0.1 to 86400, found 1e-12",
         ]),
         ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
-            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"map\", \"name\", \"road\", \"slippery\", \"traffic\"",
+            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"map\", \"name\", \"road\", \"seeded\", \"slippery\", \"traffic\"",
         ]),
         ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : the key `kind` is there twice: expected each key once in a table"]),
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
@@ -392,7 +392,7 @@ fn documented_form_is_valid() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/maps/doc.toml");
     let text = format!("name = \"doc\"\n{}", text.join("\n"));
     let on_map = Scenario::parse(file, &text).unwrap_or_else(|problems| panic!("{problems:#?}"));
-    assert_eq!((on_map.actors.len(), on_map.road.lights.len()), (1, 2));
+    assert_eq!((on_map.actors.len(), on_map.road.lights.len()), (2, 2));
 }
 
 #[test]
