@@ -45,9 +45,13 @@ pub fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// Text of a file, unpacked.
+pub(crate) fn read_text(path: &Path) -> std::io::Result<String> {
+    unpacked(read_bytes(path, BYTES_MAX)?).map_err(std::io::Error::other)
+}
+
 fn text(path: &Path) -> Result<String, String> {
-    let bytes = read_bytes(path, BYTES_MAX).map_err(|error| error.to_string())?;
-    unpacked(bytes)
+    read_text(path).map_err(|error| error.to_string())
 }
 
 /// Reads a scenario.

@@ -355,7 +355,8 @@ impl Kind {
     /// # Errors
     /// If it cannot be read. If there is no such file, the error gives the nearest name.
     pub fn text(self, given: &Path) -> Result<Cow<'static, str>, Problem> {
-        self.text_by(swerve_text::read_text, given)
+        let is_packed = self == Self::Scenario && commonroad::is_scenario(given);
+        self.text_by(if is_packed { commonroad::read_text } else { swerve_text::read_text }, given)
     }
 
     fn text_by(

@@ -161,6 +161,20 @@ fn packed(text: &str) -> Vec<u8> {
 }
 
 #[test]
+fn suite_drives_a_folder_of_commonroad_scenarios_also_packed() {
+    let bench = Bench::new();
+    let text = include_str!("../../../swerve-commonroad/src/read/tests/small.xml");
+    std::fs::create_dir(bench.path("scenes")).unwrap();
+    bench.write("scenes/plain.xml", text);
+    std::fs::write(bench.path("scenes/packed.xml.gz"), packed(text)).unwrap();
+    let text = bench.good(&["suite", "scenes", "--seeds", "1", "--out", "all"]);
+    for scene in ["plain", "packed.xml"] {
+        assert!(text.lines().any(|line| line.starts_with(scene)), "{text}");
+    }
+    assert!(text.contains("2 of 2 cells in all"), "{text}");
+}
+
+#[test]
 fn commonroad_scenario_is_shown_also_packed() {
     let bench = Bench::new();
     bench.write("m.xml", include_str!("../../../swerve-map-io/src/commonroad/tests/small.xml"));
