@@ -73,7 +73,7 @@ pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     objects
         .extend(measured.iter().zip(of_measured).filter(|(_, is_taken)| !is_taken).map(|(alone, _)| *alone));
     if let Some(echoes) = &sources.radar {
-        echoes.add_to(&mut objects, ego, params);
+        echoes.add_to(&mut objects, ego, params, sources.lidar.is_some());
     }
     // Objects of earlier lists are dropped only now, so that they have claimed their echoes.
     objects.retain(|object| object.is_new);

@@ -8,6 +8,7 @@
 //! fit lines to it.
 
 mod kalman;
+mod measured;
 mod params;
 #[cfg(test)]
 mod tests;
@@ -22,6 +23,7 @@ use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, 
 use crate::assignment::assign;
 use crate::bound::surest;
 use kalman::Filter;
+use measured::Measured;
 
 pub use params::{Motion, Params};
 
@@ -61,9 +63,6 @@ impl Group {
 
 /// Speed above which a vehicle moves, m/s: several standard deviations of an echo's.
 const MOVES_MPS: f64 = 1.5;
-/// Standard deviation of the velocity of a vehicle across the axis of its first box, m/s: it changes lanes, or the box
-/// is askew.
-const ACROSS_MPS: f64 = 3.0;
 
 /// State of one track.
 #[derive(Clone, PartialEq, Debug)]
@@ -92,21 +91,6 @@ struct Stray {
     before: Filter,
     at: Column2<f64>,
     covariance: Matrix2<f64>,
-}
-
-/// Box in the map frame with its covariance.
-#[derive(Clone, Copy)]
-struct Measured<'a> {
-    found: &'a DetectedBox,
-    at: Column2<f64>,
-    covariance: Matrix2<f64>,
-    heading_rad: f64,
-    extent: Extent,
-    /// True if its length and width are exchanged.
-    is_turned: bool,
-    /// Unit vector from the ego to it.
-    sight: Column2<f64>,
-    ego: Column2<f64>,
 }
 
 impl Tracker {
@@ -264,83 +248,6 @@ fn axis_between(from_rad: f64, to_rad: f64) -> f64 {
     if off_rad.abs() > FRAC_PI_2 { off_rad - PI.copysign(off_rad) } else { off_rad }
 }
 
-impl<'a> Measured<'a> {
-    fn of(found: &'a DetectedBox, ego: Pose2<Map>, params: &Params) -> Self {
-        let (x, y) = (found.pose.x_m, found.pose.y_m);
-        let range_m = math::hypot(x, y);
-        let along_m = params.range_noise_m + params.range_noise_share * range_m;
-        let across_m = params.bearing_noise_rad * range_m;
-        let (sin, cos) = math::sin_cos(math::atan2(y, x) + ego.heading_rad);
-        let turn = Matrix2::new(cos, -sin, sin, cos);
-        let square = |m: f64| m * m + params.floor_noise_m * params.floor_noise_m;
-        let spread = Matrix2::new(square(along_m), 0.0, 0.0, square(across_m));
-        // A box covariance, if given, replaces the model; it excludes the errors of the ego pose.
-        let own = found.covariance_m2.map(|[xx, xy, yy]| {
-            let (sin, cos) = math::sin_cos(ego.heading_rad);
-            let turn = Matrix2::new(cos, -sin, sin, cos);
-            turn * Matrix2::new(xx, xy, xy, yy) * turn.transpose()
-                + Matrix2::identity() * (params.floor_noise_m * params.floor_noise_m)
-        });
-        let at = ego.from_local::<Ego>(found.pose.point());
-        Self {
-            found,
-            at: Column2::new(at.x_m, at.y_m),
-            covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
-            heading_rad: found.pose.heading_rad + ego.heading_rad,
-            extent: found.extent,
-            is_turned: false,
-            sight: Column2::new(cos, sin),
-            ego: Column2::new(ego.x_m, ego.y_m),
-        }
-    }
-
-    /// Shift of the centre of a vehicle when its size changes while its faces towards the ego stay: detectors measure
-    /// these, and suppose the rest by class. Zero for other objects, and for boxes without a covariance, whose centre
-    /// has the error.
-    fn shift(&self, from: Extent, to: Extent) -> Column2<f64> {
-        if Group::of(self.found.kind) != Group::Vehicle || self.found.covariance_m2.is_none() {
-            return Column2::zeros();
-        }
-        let (sin, cos) = math::sin_cos(self.heading_rad);
-        let ego = self.ego - self.at;
-        let side = |axis: Column2<f64>, from_m: f64, to_m: f64| {
-            let along_m = ego.dot(&axis);
-            let is_in_view = along_m.abs() > 0.5 * from_m.max(to_m);
-            axis * if is_in_view { along_m.signum() * 0.5 * (from_m - to_m) } else { 0.0 }
-        };
-        side(Column2::new(cos, sin), from.length_m, to.length_m)
-            + side(Column2::new(-sin, cos), from.width_m, to.width_m)
-    }
-}
-
-impl Measured<'_> {
-    /// Covariance of the velocity of an object seen for the first time, of this standard deviation along its axis:
-    /// vehicles move little across theirs.
-    fn velocity_m2ps2(&self, speed_mps: f64) -> Matrix2<f64> {
-        let across_mps = match Group::of(self.found.kind) {
-            Group::Vehicle => speed_mps.min(ACROSS_MPS),
-            Group::Person | Group::Fixed => speed_mps,
-        };
-        let (sin, cos) = math::sin_cos(self.heading_rad);
-        let turn = Matrix2::new(cos, -sin, sin, cos);
-        turn * Matrix2::new(speed_mps * speed_mps, 0.0, 0.0, across_mps * across_mps) * turn.transpose()
-    }
-
-    /// The same ground with length and width exchanged. The detector added a part of the length to the seen side, so the
-    /// centre is uncertain by half the difference of the sides.
-    fn turned(self) -> Self {
-        let Extent { length_m, width_m, .. } = self.extent;
-        let off_m = 0.5 * (length_m - width_m);
-        Self {
-            heading_rad: self.heading_rad + FRAC_PI_2,
-            extent: Extent { length_m: width_m, width_m: length_m, ..self.extent },
-            covariance: self.covariance + Matrix2::identity() * (off_m * off_m),
-            is_turned: true,
-            ..self
-        }
-    }
-}
-
 impl Followed {
     fn founded(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
         let founded = Self::at_box(id, measured, stamp, params);
@@ -491,10 +398,15 @@ impl Followed {
         self.extent = extent;
     }
 
-    /// Takes the radial speed of a box.
+    /// Takes the radial speed of a box. The echo comes from anywhere on the body, whose motion across the sight has
+    /// another radial part there: half of the speed across times the angle from the centre to an end.
     fn take_speed(&mut self, measured: &Measured<'_>, params: &Params) {
         if let Some(speed_mps) = measured.found.radial_speed_mps.filter(|_| params.radial_noise_mps > 0.0) {
-            self.filter.update_speed(measured.sight, speed_mps, params.radial_noise_mps, params.gate);
+            let (.., [x, y]) = self.filter.state();
+            let across_mps = Column2::new(x, y).perp(&measured.sight);
+            let angle = 0.5 * self.extent.length_m / (measured.at - measured.ego).norm().max(1.0);
+            let noise_mps = math::hypot(params.radial_noise_mps, 0.5 * across_mps * angle);
+            self.filter.update_speed(measured.sight, speed_mps, noise_mps, params.gate);
         }
     }
 

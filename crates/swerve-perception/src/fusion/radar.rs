@@ -42,6 +42,9 @@ const MOVING_SHARE: f64 = 0.5;
 /// Radial speed above which an object moves, m/s: several standard deviations of an echo's.
 const MOVES_MPS: f64 = 1.5;
 
+/// Speed that no pedestrian exceeds, m/s: a faster echo is of a vehicle behind.
+const SPRINTS_MPS: f64 = 8.0;
+
 /// Distance gate of an echo, in standard deviations of the object's distance.
 const DEVIATIONS: f64 = 3.0;
 
@@ -49,16 +52,21 @@ impl Echoes<'_> {
     /// Assigns each object the speed of its strongest echo, and objects with a guessed distance that of their echoes.
     /// An echo belongs to the nearest object whose gate contains it; objects with a measured distance take precedence,
     /// since the gate of a guessed distance also contains the echoes of its neighbours.
-    pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params) {
+    /// With a lidar, a still echo that belongs to none of its objects is clutter up to the range in which the lidar misses
+    /// nothing, and does not place a vehicle that only the camera sees.
+    pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params, has_lidar: bool) {
         if !self.ego.is_plausible() {
             return;
         }
         let (radar, _) = moved((self.ego_from_radar, Spread::along(0.0, 0.0, 0.0)), self.ego.pose, ego);
         let mut own: Vec<Vec<Echo>> = objects.iter().map(|_| Vec::new()).collect();
         for echo in self.echoes(radar) {
+            let is_clutter =
+                has_lidar && echo.speed_mps.abs() < MOVES_MPS && echo.range_m < params.lidar_sure_m;
             let near = objects
                 .iter()
                 .enumerate()
+                .filter(|(_, object)| !(is_clutter && object.is_guessed && object.is_vehicle()))
                 .filter_map(|(k, object)| Some((k, echo.off(object, radar, params)?)));
             let rank = |k: usize| objects[k].is_guessed;
             let best = near.min_by(|a, b| rank(a.0).cmp(&rank(b.0)).then(a.1.total_cmp(&b.1)));
@@ -96,6 +104,9 @@ impl Echoes<'_> {
 impl Echo {
     /// Normalised distance from an object, in units of the gates of distance and bearing; `None` outside the gates.
     fn off(&self, object: &Object, radar: Pose2<Ego>, params: &Params) -> Option<f64> {
+        if object.found.kind == ActorKind::Pedestrian && self.speed_mps.abs() > SPRINTS_MPS {
+            return None;
+        }
         let (bearing_rad, range_m) = polar(object.found.pose.point() - radar.point());
         let half_m = 0.5 * object.found.extent.length_m.max(object.found.extent.width_m);
         let range_gate_m =

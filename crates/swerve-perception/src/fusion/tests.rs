@@ -265,6 +265,24 @@ fn fusion_takes_the_distance_from_the_radar_instead_of_the_ground_plane() {
 }
 
 #[test]
+fn clutter_does_not_place_a_vehicle_nor_a_fast_echo_a_person() {
+    let none = list(0, vec![]);
+    let placed = |kind, speed_mps: f64, lidar: Option<&Detections>| {
+        let camera = list(0, vec![seen(kind, [17.0, 0.5], [16.0, 0.5], 0.9)]);
+        let scan =
+            RadarScan { stamp: Time::ZERO, detections: vec![echo([15.0, 0.5], [speed_mps, 0.0], 15.0)] };
+        let lidar = lidar.map(by_lidar);
+        let sources = Sources { camera: Some(by_camera(&camera)), lidar, radar: Some(echoes(&scan)) };
+        fused(&sources)[0].radial_speed_mps.is_some()
+    };
+    use ActorKind::{Car, Pedestrian};
+    // Where the lidar finds nothing, a still echo is clutter, and a moving one is not.
+    assert_eq!([None, Some(&none)].map(|lidar| placed(Car, 0.0, lidar)), [true, false]);
+    assert!(placed(Car, 9.0, Some(&none)));
+    assert_eq!([1.5, 9.0].map(|mps| placed(Pedestrian, mps, Some(&none))), [true, false]);
+}
+
+#[test]
 fn fusion_takes_the_distance_from_the_near_end_of_an_object() {
     let camera = list(0, vec![seen(ActorKind::Car, [45.0, 4.0], [52.0, 4.7], 0.8)]);
     let near = echo([42.8, 4.0], [0.0, 0.0], 15.0);

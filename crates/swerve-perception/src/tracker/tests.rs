@@ -423,6 +423,44 @@ fn radial_speed_gives_the_velocity_along_the_line_of_sight() {
     assert!(speed.abs() < 1.0 && along > 5.0, "{speed} {along}");
 }
 
+/// A car that approaches with 11 m/s along x, its box as a camera supposes it beyond a bend: askew, its distance unsure.
+#[test]
+fn supposed_axis_is_neither_the_direction_of_motion_nor_a_seen_face() {
+    let mut tracker = tracker(Params::default());
+    let mut seen = |k: i64| {
+        let x_m = 50.0 - 0.55 * k as f64;
+        let pose = Pose2::new(x_m, 0.0, 1.2);
+        let seen = DetectedBox {
+            covariance_m2: Some([0.8, 0.0, 0.05]),
+            radial_speed_mps: Some(-11.0),
+            ..DetectedBox { pose, ..car(x_m, 0.0) }
+        };
+        tracker.update(&frame(50 * k, vec![seen]), origin()).tracks
+    };
+    let track = (0..8).flat_map(&mut seen).last().unwrap();
+    assert!(track.velocity_mps.y.abs() < 1.0 && track.pose.y_m.abs() < 0.2, "{track:?}");
+    assert!((track.velocity_mps.x + 11.0).abs() < 0.5, "{track:?}");
+}
+
+/// Of a person whose distance only the image gives, two boxes 5 m apart make no sprint; across the sight they do.
+#[test]
+fn unsure_distances_of_a_person_make_no_sprint() {
+    let person = Motion { speed_mps: 6.0, ..Params::default().person };
+    let velocity = |places: [[f64; 2]; 2]| {
+        let mut tracker = tracker(Params { person, probation_s: 1.0, ..Params::default() });
+        let mut seen = |k: i64, [x_m, y_m]: [f64; 2]| {
+            let covariance_m2 = Some([6.0, 0.0, 0.05]);
+            let seen = DetectedBox { covariance_m2, ..found(ActorKind::Pedestrian, x_m, y_m) };
+            tracker.update(&frame(450 * k, vec![seen]), origin()).tracks
+        };
+        seen(0, places[0]);
+        seen(1, places[1])[0].velocity_mps
+    };
+    let along = velocity([[20.0, 0.0], [15.0, 0.0]]);
+    let across = velocity([[20.0, 0.0], [20.0, 1.5]]);
+    assert!(along.norm() < 2.0 && (across.y - 3.3).abs() < 0.5, "{along:?} {across:?}");
+}
+
 #[test]
 fn box_with_front_and_rear_confused_does_not_turn_the_track() {
     let mut tracker = tracker(Params::default());
