@@ -17,7 +17,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix2, Matrix4, Vector2 as Column2};
 use swerve_core::{ParamError, Span, Time};
-use swerve_geom::{Ego, Map, Obb, Point2, Pose2, Vector2, angle_between, math, shared_area_m2};
+use swerve_geom::{Map, Obb, Point2, Pose2, Vector2, angle_between, math, shared_area_m2};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
 use crate::assignment::assign;
