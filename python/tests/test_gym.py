@@ -141,7 +141,7 @@ def test_a_vector_of_drives_is_as_many_single_ones() -> None:
         ({"observe": "poze"}, "did you mean `pose`"),
         ({"set": {"gate.enabled": True}}, "gate.enabled"),
         ({"rows": 0}, "rows"),
-        ({"render_mode": "human"}, "render_mode"),
+        ({"render_mode": "human"}, "render_mode: expected rgb_array"),
     ],
 )
 def test_what_is_wrong_is_told(arguments: dict[str, Any], says: str) -> None:
