@@ -2,6 +2,8 @@
 
     python highway_table.py [EPISODES] [ENVIRONMENT ...]
 
+prints the table, and each episode to standard error.
+
 The worlds are those of highway-env as they are, with 15 steps a second; both drivers get the same ones. highway-env has y and
 angles to the right, Swerve to the left: y, heading and steering change their signs.
 """
@@ -149,7 +151,10 @@ if __name__ == "__main__":
     with ProcessPoolExecutor() as pool:
         for name in sys.argv[2:] or ENVIRONMENTS:
             for label, drive in (("Swerve", stack), ("IDM", idm)):
-                found = list(pool.map(partial(drive, name), range(episodes)))
+                found = []
+                for episode in pool.map(partial(drive, name), range(episodes)):
+                    print(name, label, len(found), *episode, sep=",", file=sys.stderr, flush=True)
+                    found.append(episode)
                 crashes, (low, high) = sum(one.crashed for one in found), wilson(sum(one.crashed for one in found), episodes)
                 mean = np.mean([one.mean_mps for one in found]), np.mean([one.seconds for one in found])
                 rate = f"{100 * crashes / episodes:.1f} % ({low:.1f} to {high:.1f})"

@@ -329,11 +329,15 @@ def progress_rewards(
     return rewards
 
 
+_AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
+
+
 class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """Many drives at once, stepped on `threads` threads without Python in between.
 
     The other arguments are those of `DrivingEnv`, but that rewards are made of arrays and that all drives have one scenario. A
-    drive that is over begins anew in the next step (`AutoresetMode.NEXT_STEP`). The drives' seeds are drawn from the one
+    drive that is over begins anew in the next step (`AutoresetMode.NEXT_STEP`), or in the same one with
+    `autoreset="same_step"`; then its last observation is in the infos, `final_obs`. The drives' seeds are drawn from the one
     of `reset`.
     """
 
@@ -352,9 +356,13 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         reward: VectorReward = progress_rewards,
         rows: int = 8,
         normalize: bool = False,
+        autoreset: str = "next_step",
         allow_code: bool = False,
     ) -> None:
         checked_file("scenario", scenario)
+        if autoreset not in _AUTORESET:
+            raise ValueError(f"autoreset: expected one of {', '.join(_AUTORESET)}, found {autoreset!r}")
+        self.metadata = {**self.metadata, "autoreset_mode": _AUTORESET[autoreset]}
         self.num_envs = num_envs
         self.render_mode = None
         self._drives = _swerve.Drives(
@@ -428,7 +436,21 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         if ended.any():
             # As Gymnasium has entries that some drives have: with a mask under the name with an underscore.
             info |= {"ended": np.array([ENDINGS[int(code)] for code in ended], object), "_ended": ended > 0}
-        return self._observation(numbers), rewards, terminated, truncated, info
+        observation = self._observation(numbers)
+        if ended.any() and self.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP:
+            observation = self._restart(observation, info)
+        return observation, rewards, terminated, truncated, info
+
+    def _restart(self, observation: Observation, info: dict[str, Any]) -> Observation:
+        """Begins the drives that are over anew; their last observations are in `info` from then on."""
+        last = np.full(self.num_envs, None, object)
+        for index in np.flatnonzero(info["_ended"]).tolist():
+            one = {name: values[index] for name, values in observation.items()} if isinstance(observation, dict) else None
+            last[index] = observation[index] if one is None else one
+            numbers, facts = self._drives.reset(int(self.np_random.integers(2**31)), index)
+        info |= {"final_obs": last, "_final_obs": info["_ended"]}
+        self._before = self._told(facts)
+        return self._observation(numbers)
 
 
 def _id(scenario: str) -> str:

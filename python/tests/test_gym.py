@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+import types
 import warnings
 from typing import Any
 
@@ -303,3 +304,69 @@ def test_the_default_reward_knows_the_speed_limit() -> None:
         return reward
 
     assert after(15.0) < after(20.0) and after(24.6) < after(21.0) < after(20.0)
+
+
+def test_drives_begin_anew_in_the_same_step() -> None:
+    vector = swerve.gym.DrivingVectorEnv(
+        2, "person_behind_truck", level="target", observe=("pose", "route"), autoreset="same_step"
+    )
+    assert vector.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.SAME_STEP
+    first, _ = vector.reset(seed=1)
+    for _ in range(600):
+        observation, _, terminated, _, info = vector.step(np.array([[20.0, 0.0], [2.0, 0.0]], np.float32))
+        if terminated.any():
+            break
+    assert terminated.tolist() == info["_final_obs"].tolist() == [True, False]
+    assert info["final_obs"][1] is None and info["final_obs"][0]["pose"][0] > 80.0
+    assert observation["pose"][0][0] < 3.0 < observation["pose"][1][0]
+    _, reward, terminated, *_ = vector.step(np.array([[20.0, 0.0], [2.0, 0.0]], np.float32))
+    assert reward[0] > 0.5 and not terminated.any()
+    with pytest.raises(ValueError, match="autoreset: expected one of next_step, same_step, found 'never'"):
+        swerve.gym.DrivingVectorEnv(2, "lane", autoreset="never")
+
+
+def test_adapter_of_stable_baselines_gives_last_observations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against a stand-in for the base class: the interface as Stable-Baselines3 2 documents it."""
+
+    class Base:
+        def __init__(self, num_envs: int, observation_space: Any, action_space: Any) -> None:
+            self.num_envs, self.observation_space, self.action_space = num_envs, observation_space, action_space
+
+        def step(self, actions: Any) -> Any:
+            self.step_async(actions)  # type: ignore[attr-defined]
+            return self.step_wait()  # type: ignore[attr-defined]
+
+    base = types.ModuleType("stable_baselines3.common.vec_env.base_vec_env")
+    base.VecEnv = Base  # type: ignore[attr-defined]
+    for name in ("stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.vec_env"):
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    monkeypatch.setitem(sys.modules, base.__name__, base)
+    monkeypatch.delitem(sys.modules, "swerve.sb3", raising=False)
+    from swerve.sb3 import DrivingVecEnv
+
+    env: Any = DrivingVecEnv(2, "person_behind_truck", level="target", observe="pose", seed=4)
+    first = env.reset()
+    assert env.observation_space.contains(first[0]) and env.action_space.high.tolist() == [1.0, 1.0]
+    fast = 2.0 * 20.0 / 40.0 - 1.0
+    for _ in range(600):
+        observation, rewards, dones, infos = env.step(np.array([[fast, 0.0], [-1.0, 0.0]], np.float32))
+        if dones.any():
+            break
+    assert dones.tolist() == [True, False] and rewards.dtype == np.float32
+    assert infos[0]["ended"] == "collision" and not infos[0]["TimeLimit.truncated"] and "ended" not in infos[1]
+    assert infos[0]["terminal_observation"][0] > 0.8 > 0.1 > observation[0][0]
+    assert env.env_is_wrapped(Base) == [False, False] and env.get_attr("render_mode", 0) == [None]
+    env.seed(4)
+    assert (env.reset() == first).all()
+
+
+@pytest.mark.skipif(not os.environ.get("SWERVE_SLOW"), reason="slow: set SWERVE_SLOW=1")
+def test_ppo_reaches_the_goal_within_the_limit() -> None:
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples/python"))
+    import ppo
+
+    results = ppo.drive(ppo.train(120, 1), range(100, 105))
+    assert [ended for ended, _ in results] == ["goal"] * 5, results
+    assert max(excess_mps for _, excess_mps in results) < 1.0, results
