@@ -168,9 +168,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     };
     let processes = match config.process.is_empty() {
         true => None,
-        false => {
-            Some(Processes::start_unless(&reins.processes, &Program::this()?, config, &mut pipeline)?)
-        }
+        false => Some(Processes::start_unless(&reins.processes, &Program::this()?, config, &mut pipeline)?),
     };
     let mut observers: Vec<&mut dyn Observer> = vec![&mut capture, &mut told, &mut story];
     observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));

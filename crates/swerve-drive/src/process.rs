@@ -11,7 +11,8 @@ use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{Graph, SourceHandle};
 use swerve_ipc::{
-    Interrupt, IpcError, LATE_S, OnWorkerEvent, Traffic, WorkerEvent, WorkerPool, WorkerSetup, WorkerSpec, work,
+    Interrupt, IpcError, LATE_S, OnWorkerEvent, Traffic, WorkerEvent, WorkerPool, WorkerSetup, WorkerSpec,
+    work,
 };
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;

@@ -6,9 +6,9 @@ use swerve_drive::record_run_times;
 use swerve_flow::{Event, Observer, PlaybackPayload, PlaybackRecord, RunOptions, StopHandle, run_virtual};
 use swerve_log::{Log, Record};
 use swerve_msg::{ActorId, Plan, PredictionList};
-use swerve_stack::{Role, Setup};
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Role, Setup};
 
 use super::timeline::Timeline;
 

@@ -10,8 +10,7 @@ use swerve_geom::{Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
     ActorKind, Command, EgoState, Extent, Gnss, Imu, ObstacleList, PointCloud, PredictionList, RadarScan,
-    Route,
-    TrackList, WheelOdometry,
+    Route, TrackList, WheelOdometry,
 };
 
 /// Conversion of a stream's messages to numbers.

@@ -46,7 +46,10 @@ impl Referee {
         others: &[Obstacle],
         (scenario, route): (&Scenario, &Route),
     ) -> anyhow::Result<WorldState> {
-        ensure!(ego.is_plausible(), "ego: expected finite numbers that are possible on a road, found {ego:?}");
+        ensure!(
+            ego.is_plausible(),
+            "ego: expected finite numbers that are possible on a road, found {ego:?}"
+        );
         check(others)?;
         Ok(self.state(ego, others, (scenario, route)))
     }

@@ -136,8 +136,7 @@ mod tests {
     use crate::Assembly;
 
     const WORLD: &str = "[operator.world]\nkind = 'python_world'\n[operator.seen]\nkind = 'python_sensor'\nmessage = 'ObstacleList'\n";
-    const PROCESS: &str =
-        "[process.world]\noperators = ['world', 'seen']\nstart = ['python3', '-m', 'swerve', 'worker', 'w.py:W']\n";
+    const PROCESS: &str = "[process.world]\noperators = ['world', 'seen']\nstart = ['python3', '-m', 'swerve', 'worker', 'w.py:W']\n";
 
     fn read(text: &str) -> Result<Setup, Vec<String>> {
         let document = Document::parse("c.toml", text).unwrap();
