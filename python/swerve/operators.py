@@ -244,7 +244,9 @@ class _Process:
             expected = "a `swerve.World`" if kind.startswith("python_") else "an operator of the kind python_world"
             raise TypeError(f"operator `{name}` and the class `{found.__name__}` do not fit: expected {expected}")
         if issubclass(found, World):
-            world = self._worlds.setdefault(where, Steps(found, start))
+            if where not in self._worlds:
+                self._worlds[where] = Steps(found, start)
+            world = self._worlds[where]
             return world.world if kind == "python_world" else world.sensor(name, str(outputs[0][-1]), period_ns)
         if issubclass(found, Algorithm):
             # The operator of the stack calls it.
