@@ -32,6 +32,8 @@ class Episode(NamedTuple):
     """What became of one episode."""
 
     crashed: bool
+    is_through: bool
+    """True if the ego came to the end of its way: across the intersection, past the ramp, or through the time on the highway."""
     seconds: float
     mean_mps: float
 
@@ -50,12 +52,18 @@ def make(name: str, seed: int, driver: type[Vehicle]) -> Any:
     steps = {"simulation_frequency": HZ, "policy_frequency": HZ}
     env = gymnasium.make(name, config={**steps, "action": {"type": "DiscreteMetaAction"}}).unwrapped
     env.reset(seed=seed)
-    env.route = env.vehicle.route
+    env.route = list(env.vehicle.route or [])
     car = driver.create_from(env.vehicle)
     env.road.vehicles[env.road.vehicles.index(env.vehicle)] = car
     env.controlled_vehicles[0] = car
     env.action_type.controlled_vehicle = car
     return env
+
+
+def ended(env: Any, terminated: bool, speeds: list[float]) -> Episode:
+    crashed = bool(env.vehicle.crashed)
+    is_through = not crashed and (terminated or not env.route)
+    return Episode(crashed, is_through, len(speeds) / HZ, float(np.mean(speeds)))
 
 
 def idle(env: Any) -> int:
@@ -71,7 +79,7 @@ def idm(name: str, seed: int) -> Episode:
         *_, terminated, truncated, _ = env.step(idle(env))
         speeds.append(float(env.vehicle.speed))
         if terminated or truncated:
-            return Episode(bool(env.vehicle.crashed), len(speeds) / HZ, float(np.mean(speeds)))
+            return ended(env, terminated, speeds)
 
 
 def way(env: Any) -> tuple[list[tuple[float, float]], int, int]:
@@ -135,7 +143,7 @@ def stack(name: str, seed: int) -> Episode:
         speeds.append(float(car.speed))
         if terminated or truncated:
             break
-    return Episode(bool(car.crashed), len(speeds) / HZ, float(np.mean(speeds)))
+    return ended(env, terminated, speeds)
 
 
 def wilson(crashes: int, episodes: int) -> tuple[float, float]:
@@ -147,7 +155,7 @@ def wilson(crashes: int, episodes: int) -> tuple[float, float]:
 
 if __name__ == "__main__":
     episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    print("| environment | driver | crashes | crash rate (95 % interval) | mean speed | mean duration |\n|---|---|---|---|---|---|")
+    print("| environment | driver | crashes | crash rate (95 % interval) | through | mean speed |\n|---|---|---|---|---|---|")
     with ProcessPoolExecutor() as pool:
         for name in sys.argv[2:] or ENVIRONMENTS:
             for label, drive in (("Swerve", stack), ("IDM", idm)):
@@ -155,7 +163,8 @@ if __name__ == "__main__":
                 for episode in pool.map(partial(drive, name), range(episodes)):
                     print(name, label, len(found), *episode, sep=",", file=sys.stderr, flush=True)
                     found.append(episode)
-                crashes, (low, high) = sum(one.crashed for one in found), wilson(sum(one.crashed for one in found), episodes)
-                mean = np.mean([one.mean_mps for one in found]), np.mean([one.seconds for one in found])
+                crashes, through = sum(one.crashed for one in found), sum(one.is_through for one in found)
+                low, high = wilson(crashes, episodes)
                 rate = f"{100 * crashes / episodes:.1f} % ({low:.1f} to {high:.1f})"
-                print(f"| `{name}` | {label} | {crashes} of {episodes} | {rate} | {mean[0]:.1f} m/s | {mean[1]:.1f} s |", flush=True)
+                speed = f"{np.mean([one.mean_mps for one in found]):.1f} m/s"
+                print(f"| `{name}` | {label} | {crashes} of {episodes} | {rate} | {through} | {speed} |", flush=True)

@@ -224,6 +224,20 @@ def test_operator_follows_the_route_that_it_gets_at_the_start(file: Any) -> None
     assert abs(float(slow.streams["pose"]["speed_mps"][-1]) - 4.0) < 0.5
 
 
+def test_study_varies_a_key_of_the_follower(file: Any, tmp_path: Path) -> None:
+    """At 0.6 of the target speed the time is over before the goal; a cell has the digest of a run."""
+    from swerve.studies import _toml
+
+    config = with_follower(f"{file(FOLLOWER)}:Follower", share=0.6)
+    (tmp_path / "follower.toml").write_text("".join(f"{key} = {_toml(value)}\n" for key, value in config.items()))
+    base = {"scenario": "lane", "config": str(tmp_path / "follower.toml")}
+    axis = {"key": "process.plan.keys.share", "values": [0.6, 1.0]}
+    study = swerve.study({"name": "shares", "base": base, "axis": [axis]}, set={"seed": 7})
+    assert [cell["verdict"] for cell in study.cells] == ["timeout", "completed"], study.cells
+    alone = swerve.run("lane", config, seed=7)
+    assert [f"{cell['digest']:016x}" == alone.digest for cell in study.cells] == [True, False]
+
+
 def test_planner_gets_the_start_too(file: Any) -> None:
     where = file(
         """
