@@ -153,8 +153,8 @@ mod tests {
         let command = &world.inputs.iter().find(|input| input.port.name == "command").unwrap().from[0];
         assert!(command.feedback && command.stream == "controller", "{command:?}");
         let tracker = assembly.operator("tracker").unwrap();
-        let reads = tracker.inputs.iter().flat_map(|input| &input.from);
-        assert!(reads.into_iter().any(|edge| edge.stream == "obstacles"), "the tracker reads the sensor");
+        let mut reads = tracker.inputs.iter().flat_map(|input| &input.from);
+        assert!(reads.any(|edge| edge.stream == "obstacles"), "the tracker reads the sensor");
         assert!(assembly.node("obstacles").unwrap().origin);
     }
 
@@ -162,8 +162,11 @@ mod tests {
     fn python_world_problems_are_reported_with_line_and_key() {
         let cases = [
             ("message = 'Obstacles'\n", "c.toml:5: operator.obstacles.message: unknown message `Obstacles`"),
-            ("", "operator.obstacles.message: expected the type of its messages"),
-            ("message = 'Imu'\nperiod_ms = 4.0\n", "c.toml:6: operator.obstacles.period_ms: expected a multiple"),
+            ("period_ms = 50.0\n", "operator.obstacles.message: expected the type of its messages"),
+            (
+                "message = 'Imu'\nperiod_ms = 4.0\n",
+                "c.toml:6: operator.obstacles.period_ms: expected a multiple",
+            ),
             ("message = 'Imu'\nperiod = 4.0\n", "c.toml:6: operator.obstacles.period: unknown key"),
         ];
         for (keys, expected) in cases {
