@@ -361,12 +361,13 @@ def test_adapter_of_stable_baselines_gives_last_observations(monkeypatch: pytest
 
 
 @pytest.mark.skipif(not os.environ.get("SWERVE_SLOW"), reason="slow: set SWERVE_SLOW=1")
-def test_ppo_reaches_the_goal_within_the_limit() -> None:
+def test_ppo_learns_to_pass_the_person() -> None:
+    """Of the drives with exploration, hardly any comes to its goal at first, and a third of them after twenty iterations."""
     from pathlib import Path
 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples/python"))
     import ppo
 
-    results = ppo.drive(ppo.train(120, 1), range(100, 105))
-    assert [ended for ended, _ in results] == ["goal"] * 5, results
-    assert max(excess_mps for _, excess_mps in results) < 1.0, results
+    _, goals = ppo.train(22, 1)
+    first, last = (tuple(map(sum, zip(*part))) for part in (goals[:5], goals[17:]))
+    assert first[0] < 0.1 * first[1] and last[0] > 0.25 * last[1], goals
