@@ -150,7 +150,8 @@ def wilson(crashes: int, episodes: int) -> tuple[float, float]:
     """95 % interval of a share, percent."""
     z, p = 1.96, crashes / episodes
     middle, half = p + z * z / (2 * episodes), z * math.sqrt(p * (1 - p) / episodes + z * z / (4 * episodes**2))
-    return tuple(100 * (middle + sign * half) / (1 + z * z / episodes) for sign in (-1, 1))  # type: ignore[return-value]
+    low, high = (100 * (middle + sign * half) / (1 + z * z / episodes) for sign in (-1, 1))
+    return max(low, 0.0), high
 
 
 if __name__ == "__main__":
