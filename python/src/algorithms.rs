@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use ciborium::Value;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
@@ -17,7 +16,7 @@ use swerve_prediction::{Ground, Horizon, Predictor};
 use swerve_stack::Foreign;
 use swerve_vehicle::{Limits, Shape};
 
-use crate::convert::{cbor_value, plain};
+use crate::convert::{cbor_of, cbor_value, plain};
 
 /// Spacing of the points of a route in Python, metres.
 const ROUTE_STEP_M: f64 = 1.0;
@@ -48,14 +47,14 @@ impl Algorithm {
             Some(function) => function.clone_ref(py),
             None => self.function.insert(self.make.call0(py)?).clone_ref(py),
         };
-        let fields = Value::serialized(fields).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let fields = cbor_of(fields)?;
         cbor_value(function.call1(py, (plain(py, &fields)?,))?.bind(py))
     }
 }
 
 /// A route in Python: points along its line, with the distances to its borders.
 #[derive(Serialize)]
-struct RouteFields {
+pub(crate) struct RouteFields {
     s_m: Vec<f64>,
     x_m: Vec<f64>,
     y_m: Vec<f64>,
@@ -66,7 +65,7 @@ struct RouteFields {
 }
 
 impl RouteFields {
-    fn of(route: &Route) -> Self {
+    pub(crate) fn of(route: &Route) -> Self {
         let length_m = route.line().length();
         let steps = (length_m / ROUTE_STEP_M).ceil().max(1.0);
         let s_m: Vec<f64> = (0..=steps as usize).map(|k| length_m * k as f64 / steps).collect();

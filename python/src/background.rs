@@ -10,8 +10,11 @@ use pyo3::prelude::*;
 /// Interval of the checks.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// Number of calls of `stop` after which a step in another process is not waited for: one second.
+pub(crate) const LOOKS_OF_GRACE: u32 = 20;
+
 /// Runs `work` on a thread. Meanwhile calls `look` under the interpreter's lock; if that fails, or a signal arrives,
-/// calls `stop` and waits for the work to end.
+/// calls `stop` at each further check and waits for the work to end.
 pub(crate) fn do_in_background<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> anyhow::Result<T> + Send + 'static,

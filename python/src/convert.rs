@@ -72,6 +72,11 @@ pub(crate) fn cbor_value(any: &Bound<'_, PyAny>) -> PyResult<Value> {
     Err(PyTypeError::new_err(format!("a message cannot hold {}", any.repr()?)))
 }
 
+/// CBOR value of Rust data.
+pub(crate) fn cbor_of(data: &impl serde::Serialize) -> PyResult<Value> {
+    Value::serialized(data).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
 /// Encodes plain Python as CBOR.
 pub(crate) fn cbor(any: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     let mut bytes = Vec::new();

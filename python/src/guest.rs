@@ -146,13 +146,16 @@ impl Guest {
             draws: is_way.then_some(false),
             ..StackOptions::default()
         };
-        let seen = Arc::new(Mutex::new(Seen { capture: Capture::new(streams), story: None }));
+        let capture = Capture::new(streams);
+        let seen = Arc::new(Mutex::new(Seen { capture, story: None }));
         let watching = seen.clone();
         let stack = Stack::with_observers(&config, &scenario, &options, |setup, pipeline| {
             lock(&watching).story = Some(story(setup, &pipeline.scenario, pipeline));
             vec![Box::new(move |event: &Event<'_>| lock(&watching).event(event))]
         });
-        let stack = Mutex::new(Some(Box::new(stack.map_err(error)?)));
+        let stack = stack.map_err(error)?;
+        lock(&seen).capture.check(&stack.streams().collect::<Vec<_>>()).map_err(error)?;
+        let stack = Mutex::new(Some(Box::new(stack)));
         Ok(Self { stack, seen, log, folder: Mutex::new(folder), scenario_text })
     }
 

@@ -161,6 +161,12 @@ impl Drives {
         self.lanes().get(index)?.drive.as_ref()?.image(&self.task, stream)
     }
 
+    /// True surroundings of the ego of the drive at `index`, for a picture: bodies and points of the route.
+    fn scene(&self, index: usize) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
+        let lanes = self.lanes();
+        lanes.get(index).and_then(|lane| lane.drive.as_ref()).map(Drive::scene).unwrap_or_default()
+    }
+
     /// Reason for the end of the drive at `index`, if it ended: `goal`, `stopped`, `collision`, `timeout`.
     fn ended(&self, index: usize) -> Option<&'static str> {
         self.lanes().get(index)?.drive.as_ref()?.ended()

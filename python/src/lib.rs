@@ -11,6 +11,8 @@
 //! | `guest.rs` | the stack in a foreign world, stepped from Python |
 //! | `map.rs` | the lanes of a road or map |
 //! | `worker.rs` | operators written in Python, in separate processes |
+//! | `start.rs` | facts of a drive for classes in Python |
+//! | `world.rs` | worlds written in Python |
 //! | `algorithms.rs` | algorithms written in Python, called by operators of the stack |
 //!
 //! The public interface is in the Python files; this module is internal to them.
@@ -25,9 +27,11 @@ mod log;
 mod map;
 mod numbers;
 mod run;
+mod start;
 mod streams;
 mod study;
 mod worker;
+mod world;
 
 use pyo3::prelude::*;
 

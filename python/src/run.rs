@@ -1,7 +1,7 @@
 //! `swerve.run`: runs one drive.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Context as _;
@@ -14,6 +14,7 @@ use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, run_start, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
+use swerve_ipc::Interrupt;
 use swerve_log::{Reader, Recorder, RunStart};
 use swerve_report::story::draw;
 use swerve_scenario::Scenario;
@@ -22,7 +23,7 @@ use swerve_stack::{Registry, Setup};
 use swerve_text::Document;
 use swerve_why::of_run;
 
-use crate::background::do_in_background;
+use crate::background::{LOOKS_OF_GRACE, do_in_background};
 use crate::convert::{error, sets, toml_table};
 use crate::streams::{Capture, Streams};
 
@@ -114,6 +115,9 @@ struct Wanted {
 struct Reins {
     reached_ns: Arc<AtomicI64>,
     stop: Arc<Mutex<Option<StopHandle>>>,
+    processes: Interrupt,
+    /// Number of requests to stop so far.
+    asked: Arc<AtomicU32>,
 }
 
 impl Observer for Reins {
@@ -128,6 +132,10 @@ impl Reins {
     fn stop(&self) {
         if let Some(stop) = &*self.stop.lock().unwrap_or_else(PoisonError::into_inner) {
             stop.stop();
+        }
+        // A step that goes on ends with its process.
+        if self.asked.fetch_add(1, Ordering::Relaxed) >= LOOKS_OF_GRACE {
+            self.processes.kill();
         }
     }
 }
@@ -146,6 +154,9 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     let mut pipeline = Pipeline::build(config, scenario)?;
     *reins.stop.lock().unwrap_or_else(PoisonError::into_inner) = Some(pipeline.graph.stop_handle());
     let mut capture = Capture::new(wanted.streams);
+    let described = pipeline.graph.describe()?;
+    let streams = described.operators.iter().flat_map(|operator| &operator.outputs);
+    capture.check(&streams.filter_map(|(name, _)| pipeline.names.own(name)).collect::<Vec<_>>())?;
     let mut told = reins.clone();
     let mut story = story(config, scenario, &pipeline);
     let mut recorder = match &wanted.log {
@@ -157,7 +168,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     };
     let processes = match config.process.is_empty() {
         true => None,
-        false => Some(Processes::start(&Program::this()?, config, &mut pipeline)?),
+        false => Some(Processes::start_unless(&reins.processes, &Program::this()?, config, &mut pipeline)?),
     };
     let mut observers: Vec<&mut dyn Observer> = vec![&mut capture, &mut told, &mut story];
     observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));

@@ -3,7 +3,7 @@
 use ciborium::Value;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList, PyType};
 use swerve_core::Time;
 use swerve_flow::{Event, Observer, Publication};
 use swerve_log::PublicationRecord;
@@ -104,6 +104,15 @@ impl Capture {
         Self { streams: Streams::default(), wanted }
     }
 
+    /// Refuses names that are not among those of all streams.
+    pub(crate) fn check(&self, known: &[&str]) -> anyhow::Result<()> {
+        for name in self.wanted.iter().flatten().filter(|name| !known.contains(&name.as_str())) {
+            let near = swerve_text::did_you_mean(name, known.iter().copied());
+            anyhow::bail!("streams: unknown stream `{name}`, expected some of {}{near}", known.join(", "));
+        }
+        Ok(())
+    }
+
     /// Images and point clouds are large: they are kept only if requested by name.
     fn wants(&self, publication: &Publication<'_>) -> bool {
         match (&self.wanted, publication.payload) {
@@ -153,6 +162,14 @@ impl Columns {
         let cells = &mut self.0[index].1;
         cells.resize_with(row, || Cell::Nothing);
         cells.push(cell);
+    }
+
+    fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let dict = PyDict::new(py);
+        for (name, cells) in &self.0 {
+            dict.set_item(name, column(py, cells)?)?;
+        }
+        Ok(dict)
     }
 
     fn walk(&mut self, name: &str, row: usize, value: &Value) {
@@ -236,8 +253,45 @@ fn column<'py>(py: Python<'py>, cells: &[Cell]) -> PyResult<(&'static str, Bound
     Ok(("<f8", bytes.into_any()))
 }
 
+/// Numbers of little-endian bytes.
+fn numbers_of(bytes: &[u8]) -> impl Iterator<Item = i64> {
+    bytes.chunks_exact(8).map(|chunk| i64::from_le_bytes(chunk.try_into().unwrap_or_default()))
+}
+
+/// Parts of a stream, for pickle: name, operator, type; stamps, publication instants and origins; payloads and their ends.
+type Parts<'py> = (String, String, String, [Bound<'py, PyBytes>; 3], [Bound<'py, PyBytes>; 2]);
+
 #[pymethods]
 impl StreamData {
+    /// Puts a stream together from its parts.
+    #[new]
+    fn of_parts(
+        name: String,
+        operator: String,
+        type_name: String,
+        times: [Vec<u8>; 3],
+        payloads: [Vec<u8>; 2],
+    ) -> PyResult<Self> {
+        let [stamps, visible_at, origins] = times.map(|bytes| numbers_of(&bytes).collect::<Vec<i64>>());
+        let [bytes, ends] = payloads;
+        let ends: Vec<usize> = numbers_of(&ends).filter_map(|end| usize::try_from(end).ok()).collect();
+        let count = ends.len();
+        let fits = [&stamps, &visible_at, &origins].into_iter().all(|times| times.len() == count);
+        if !fits || !ends.is_sorted() || ends.last().copied().unwrap_or(0) != bytes.len() {
+            return Err(PyValueError::new_err(format!("stream `{name}`: its parts do not fit together")));
+        }
+        Ok(Self { name, operator, type_name, stamps, visible_at, origins, bytes, ends })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, Parts<'py>) {
+        let (own, py) = (slf.get(), slf.py());
+        let times = [own.stamps(py), own.visible_at(py), own.origins(py)];
+        let ends = bytes_of(py, &own.ends, |end| (*end as i64).to_le_bytes());
+        let payloads = [PyBytes::new(py, &own.bytes), ends];
+        let texts = (own.name.clone(), own.operator.clone(), own.type_name.clone());
+        (slf.get_type(), (texts.0, texts.1, texts.2, times, payloads))
+    }
+
     fn __len__(&self) -> usize {
         self.ends.len()
     }
@@ -287,10 +341,38 @@ impl StreamData {
             columns.0.iter_mut().for_each(|(_, cells)| cells.resize_with(rows, || Cell::Nothing));
             Ok::<_, PyErr>(columns)
         })?;
-        let dict = PyDict::new(py);
-        for (name, cells) in &columns.0 {
-            dict.set_item(name, column(py, cells)?)?;
-        }
-        Ok(dict)
+        columns.into_dict(py)
     }
+
+    /// Entries of a list of the messages, by its dotted name: for each entry the index of its message, as bytes, and the
+    /// columns, as [`columns`](Self::columns).
+    fn entries<'py>(
+        &self,
+        py: Python<'py>,
+        list: &str,
+    ) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyDict>)> {
+        let (mut columns, mut of) = (Columns::default(), Vec::new());
+        for row in 0..self.ends.len() {
+            let value: Value = ciborium::from_reader(self.payload(row))
+                .map_err(|error| PyValueError::new_err(error.to_string()))?;
+            for entry in list_at(&value, list) {
+                let name = if entry.is_map() { "" } else { "value" };
+                columns.walk(name, of.len(), entry);
+                of.push(row as i64);
+            }
+        }
+        columns.0.iter_mut().for_each(|(_, cells)| cells.resize_with(of.len(), || Cell::Nothing));
+        Ok((bytes_of(py, &of, |row| row.to_le_bytes()), columns.into_dict(py)?))
+    }
+}
+
+/// Entries of the list at a dotted name; none without such a list.
+fn list_at<'a>(value: &'a Value, name: &str) -> &'a [Value] {
+    let mut found = value;
+    for part in name.split('.') {
+        let entries = found.as_map().map_or(&[][..], Vec::as_slice);
+        let Some((_, next)) = entries.iter().find(|(key, _)| key.as_text() == Some(part)) else { return &[] };
+        found = next;
+    }
+    found.as_array().map_or(&[], Vec::as_slice)
 }

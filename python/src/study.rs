@@ -11,7 +11,7 @@ use swerve_study::cells::{CellStore, Runner};
 use swerve_study::result::CellResult;
 use swerve_study::{Bench, heatmap, table};
 
-use crate::background::do_in_background;
+use crate::background::{LOOKS_OF_GRACE, do_in_background};
 use crate::convert::error;
 
 /// Result of a study.
@@ -78,7 +78,16 @@ pub(crate) fn study<'py>(
         None => Ok(()),
     };
     let work = move || run(&bench, &out, threads.max(1), &reins);
-    let studied = do_in_background(py, work, look, move || stopper.stop.store(true, Ordering::SeqCst))?;
+    let mut asked = 0;
+    let stop = move || {
+        stopper.stop.store(true, Ordering::SeqCst);
+        asked += 1;
+        if asked > LOOKS_OF_GRACE {
+            // A step that goes on ends with its process.
+            swerve_ipc::kill_workers();
+        }
+    };
+    let studied = do_in_background(py, work, look, stop)?;
     let result = PyDict::new(py);
     result.set_item("name", studied.name)?;
     result.set_item("axes", studied.axes)?;

@@ -7,21 +7,26 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use swerve_core::Time;
+use swerve_core::{Span, Time};
+use swerve_drive::Referee;
 use swerve_drive::process::run_worker_with;
 use swerve_flow::{
     AnyInput, AnyMessage, AnyOperator, AnyOutputs, Context, Graph, Header, InputKind, OperatorInfo,
 };
 use swerve_ipc::WorkerSetup;
+use swerve_msg::block::reading_plainly;
+use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::convert::{cbor, error};
 use crate::map::Lanes;
 use crate::numbers;
+use crate::start::facts;
+use crate::world::PythonWorld;
 
 /// An operator whose steps are taken in Python.
 struct PythonOperator {
-    /// Called with the facts of a frame and its inputs; returns an output or `None` for each port.
+    /// Called with the facts of a frame and its inputs; returns the units of work, and an output or `None` for each port.
     step: Py<PyAny>,
     /// True for the ports that are timers.
     timers: Vec<bool>,
@@ -30,8 +35,12 @@ struct PythonOperator {
 impl AnyOperator for PythonOperator {
     fn step(&mut self, cx: &mut Context<'_>, inputs: Vec<AnyInput>, out: &mut AnyOutputs<'_>) {
         let stepped = Python::attach(|py| {
-            let outputs = self.call(py, cx, &inputs).and_then(|answer| send(py, &answer, out));
-            outputs.map_err(|error| with_traceback(py, &error))
+            let answer = self.call(py, cx, &inputs).and_then(|answer| {
+                let (units, outputs): (u64, Bound<'_, PyAny>) = answer.extract()?;
+                cx.spend(units);
+                send(py, &outputs, out)
+            });
+            answer.map_err(|error| with_traceback(py, &error))
         });
         if let Err(why) = stepped {
             // Reported to the run as this operator's panic, without a panic message here.
@@ -88,7 +97,8 @@ fn send(py: Python<'_>, answer: &Bound<'_, PyAny>, out: &mut AnyOutputs<'_>) -> 
             continue;
         }
         let bytes = cbor(&value)?;
-        let sent = py.detach(|| out.send_cbor(port, &bytes));
+        // The values are plain, also of images and point clouds, although the step's inputs are not.
+        let sent = py.detach(|| reading_plainly(|| out.send_cbor(port, &bytes)));
         sent.map_err(|error| PyValueError::new_err(error.to_string()))?;
     }
     Ok(())
@@ -127,22 +137,40 @@ fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, 
     operator.outputs.iter().map(of).collect()
 }
 
-/// Takes steps until the run that started this process ends. `make` is called once for each operator, with its name,
-/// inputs (port, mode, stream, Rust type), outputs (port, stream, Rust type) and the lanes of the scenario, and returns
-/// the function called for each frame, or `None` for an operator of the stack that calls an algorithm. Ports have names if the configuration
-/// declares them. `algorithms` creates those algorithms, by their role.
-#[pyfunction]
-pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDict>) -> PyResult<()> {
-    let registry = swerve::Registry::standard().with_foreign(&crate::algorithms::foreign(algorithms)?);
-    let prepare = |setup: &WorkerSetup, pipeline: Pipeline| {
-        let Pipeline { mut graph, assembly, scenario, .. } = pipeline;
-        let lanes = Python::attach(|py| Py::new(py, Lanes::from(scenario.road.map())))?;
+/// Period of the timer of an operator, nanoseconds; zero without a timer.
+fn period_ns(operator: &OperatorInfo) -> i64 {
+    let period = |input: &swerve_flow::InputInfo| match input.kind {
+        InputKind::Every { period_ns, .. } => Some(period_ns),
+        _ => None,
+    };
+    operator.inputs.iter().find_map(period).unwrap_or(0)
+}
+
+/// A process of a run.
+struct Process<'a> {
+    setup: &'a WorkerSetup,
+    config: &'a Setup,
+    /// Creates the step of an operator.
+    make: &'a Py<PyAny>,
+}
+
+impl Process<'_> {
+    /// Puts the steps of the process's operators into its graph.
+    fn prepare(&self, pipeline: Pipeline) -> anyhow::Result<Graph> {
+        let Pipeline { mut graph, assembly, scenario, route, vehicle, until, .. } = pipeline;
+        let (lanes, start) = Python::attach(|py| {
+            let lanes = Py::new(py, Lanes::from(scenario.road.map()))?;
+            let of = (self.config, &*self.setup.process);
+            let start = facts(py, of, (&scenario, &route, &vehicle))?;
+            Ok::<_, PyErr>((lanes, start.unbind()))
+        })?;
         let described = graph.describe()?;
-        for name in &setup.operators {
+        for name in &self.setup.operators {
             let Some(operator) = described.operators.iter().find(|operator| operator.name == *name) else {
                 continue;
             };
             let declared = assembly.operator(name).filter(|placed| placed.kind.node().elsewhere);
+            let kind = declared.map_or("", |placed| placed.kind.node().kind);
             let ports = declared.into_iter().flat_map(|placed| &placed.inputs).map(|input| &input.port);
             let read =
                 ports.filter(|port| port.payload.is_some()).map(|port| port.name.to_string()).collect();
@@ -151,16 +179,38 @@ pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDic
             let (inputs, outputs) = (inputs(&graph, operator, read), outputs(operator, published));
             let timers = operator.inputs.iter().map(|input| input.stream.is_none()).collect();
             let step = Python::attach(|py| {
-                make.call1(py, (name.as_str(), inputs, outputs, &lanes))
+                let about = (kind, period_ns(operator), &lanes, &start);
+                self.make
+                    .call1(py, (name.as_str(), inputs, outputs, about))
                     .map_err(|error| with_traceback(py, &error))
             });
             let step = step.map_err(anyhow::Error::msg)?;
             if Python::attach(|py| step.is_none(py)) {
                 continue;
             }
+            if kind == "python_world" {
+                let period = Span::from_ns(period_ns(operator));
+                let (scenario, route) = (scenario.clone(), route.clone());
+                let referee = Referee::new(vehicle.shape);
+                graph.replace(name, PythonWorld { step, referee, scenario, route, period, until })?;
+                continue;
+            }
             graph.replace(name, PythonOperator { step, timers })?;
         }
         Ok(graph)
+    }
+}
+
+/// Takes steps until the run that started this process ends. `make` is called once for each operator, with its name,
+/// inputs (port, mode, stream, Rust type), outputs (port, stream, Rust type), and its kind, period in nanoseconds, the lanes
+/// of the scenario and the facts of the drive. It returns the function called for each frame, or `None` for an operator of
+/// the stack that calls an algorithm. Ports have names if the configuration declares them, and so has the kind.
+/// `algorithms` creates those algorithms, by their role.
+#[pyfunction]
+pub(crate) fn work(py: Python<'_>, make: Py<PyAny>, algorithms: &Bound<'_, PyDict>) -> PyResult<()> {
+    let registry = swerve::Registry::standard().with_foreign(&crate::algorithms::foreign(algorithms)?);
+    let prepare = |setup: &WorkerSetup, config: &Setup, pipeline: Pipeline| {
+        Process { setup, config, make: &make }.prepare(pipeline)
     };
     py.detach(|| run_worker_with(&registry, prepare)).map_err(error)
 }

@@ -6,7 +6,7 @@
 >>> result.streams["pose"]["speed_mps"]
 
 `swerve.Stack` is the stack in a foreign world. `swerve.gym` has the environments, `swerve.messages` the messages of streams. `swerve.Planner`, `Predictor` and `Tracker` are
-the base classes of algorithms, `swerve.Operator` that of operators.
+the base classes of algorithms, `swerve.Operator` that of operators, `swerve.World` that of worlds.
 """
 
 from __future__ import annotations
@@ -21,8 +21,11 @@ from .maps import Lane, Map, Place, read_map
 from .operators import Frame, Operator
 from .runs import Result, run
 from .stacks import Commanded, Input, Stack
-from .streams import Stream
+from .starts import Start
+from .streams import Stream, Table
 from .studies import StudyResult, study
+from .varied import varied
+from .worlds import Scene, World
 
 __version__: str = _swerve.__version__
 
@@ -43,14 +46,19 @@ __all__ = [
     "Predictor",
     "Result",
     "Route",
+    "Scene",
     "Stack",
+    "Start",
     "Stream",
     "StudyResult",
+    "Table",
     "Tracker",
+    "World",
     "messages",
     "read_log",
     "read_map",
     "run",
     "scenarios",
     "study",
+    "varied",
 ]

@@ -21,7 +21,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ from .messages import (
     PredictionList,
     TrackList,
 )
+
+if TYPE_CHECKING:
+    from .starts import Start
 
 
 @dataclass(slots=True)
@@ -141,6 +144,9 @@ class Algorithm(ABC):
     """The message that its operator publishes."""
     reads: ClassVar[type[Message]]
     """A message that its operator reads."""
+
+    def begin(self, start: Start) -> None:
+        """Takes the facts of the drive, before the first call."""
 
     @abstractmethod
     def _calls(self) -> Callable[[dict[str, Any]], dict[str, Any]]:

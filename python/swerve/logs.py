@@ -7,10 +7,8 @@ import os
 from dataclasses import dataclass, field
 from typing import Any
 
-from numpy.typing import NDArray
-
 from . import _swerve
-from .streams import Stream, arrays, streams_of
+from .streams import Stream, Table, arrays, streams_of
 
 
 @dataclass(frozen=True)
@@ -35,11 +33,11 @@ class Log:
     """What ended the reading before the end of the run, if anything did."""
     streams: dict[str, Stream] = field(repr=False)
     """The messages of each stream, by name."""
-    steps: dict[str, NDArray[Any]] = field(repr=False)
+    steps: Table = field(repr=False)
     """The steps: `operator`, `stamp`, `start`, `end`, `units`, `host_ns`, `late`. Instants in nanoseconds."""
-    misses: dict[str, NDArray[Any]] = field(repr=False)
+    misses: Table = field(repr=False)
     """The missed deadlines: `operator`, `stamp`, `deadline`, `at`, `reaction`, `started`."""
-    drops: dict[str, NDArray[Any]] = field(repr=False)
+    drops: Table = field(repr=False)
     """What was dropped: `operator`, `stamp`, `at`, `reason`."""
 
 
@@ -59,7 +57,7 @@ def read_log(path: str | os.PathLike[str]) -> Log:
         report=None if log["report"] is None else json.loads(log["report"]),
         damage=log["damage"],
         streams=streams_of(log["streams"]),
-        steps=arrays(log["steps"]),
-        misses=arrays(log["misses"]),
-        drops=arrays(log["drops"]),
+        steps=Table(arrays(log["steps"])),
+        misses=Table(arrays(log["misses"])),
+        drops=Table(arrays(log["drops"])),
     )

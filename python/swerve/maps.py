@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _swerve
-from ._files import FileOrDict
+from ._files import FileOrDict, checked_file
 
 
 class Place(NamedTuple):
@@ -102,4 +102,5 @@ def _lane(id: int, fields: dict[str, Any]) -> Lane:
 
 def read_map(scenario: FileOrDict) -> Map:
     """The lanes of a scenario: a file, a name or a dictionary."""
+    checked_file("scenario", scenario)
     return Map(_swerve.Lanes(scenario))

@@ -36,7 +36,9 @@ from . import _swerve, algorithms
 from .algorithms import Algorithm
 from .maps import Map
 from .messages import Message
+from .starts import Start, start_of
 from .streams import message_class
+from .worlds import Steps, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,16 @@ class Frame:
     """When it has to be answered, nanoseconds."""
     windows: Mapping[str, Sequence[tuple[Header, Any]]] = field(repr=False)
     """All messages of each input, oldest first, with their headers; one at most where the input is no window."""
+    _work: list[int] = field(default_factory=list, repr=False, compare=False)
+
+    def spend(self, units: int) -> None:
+        """Counts units of work of this step: under the run-time model `work`, its run time follows from their sum.
+
+        Raises ValueError for a negative number.
+        """
+        if units < 0:
+            raise ValueError(f"frame.spend({units}): expected zero or more units of work")
+        self._work.append(int(units))
 
     def __getitem__(self, name: str) -> Any:
         """The newest message of an input; none where there is none yet."""
@@ -92,6 +104,9 @@ class Operator:
     map: Map
     """The lanes of the scenario's road or map; those of a `Route` are in it. It is there from the first step on."""
 
+    def begin(self, start: Start) -> None:
+        """Takes the facts of the drive, before the first step; after a restart of its process again."""
+
     def step(self, frame: Frame) -> Message | Mapping[str, Message | None] | None:
         """Answers one frame: a message, or messages by the names of the outputs; none where it has no answer."""
         raise NotImplementedError
@@ -116,19 +131,25 @@ def _ports(
     return wanted
 
 
-def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
-    """What is called for each frame with plain values, and answers with plain values, an output or none a port."""
+#: A step with plain values: from the facts of a frame and its inputs to the units of work, and an output or none a port.
+Stepper = Callable[..., tuple[int, list[Any]]]
+
+
+def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> Stepper:
+    """The function that takes the steps of an operator."""
     ports = _ports("inputs", name, operator.inputs, inputs)
     out = [name for name, _ in _ports("outputs", name, operator.outputs, outputs)]
 
-    def step(facts: dict[str, Any], read: list[list[tuple[dict[str, Any], dict[str, Any]]]]) -> list[Any]:
+    def step(facts: dict[str, Any], read: list[list[tuple[dict[str, Any], dict[str, Any]]]]) -> tuple[int, list[Any]]:
         windows = {
             name: [(Header(**header), kind.from_plain(plain)) for header, plain in messages]
             for (name, kind), messages in zip(ports, read, strict=True)
         }
-        answer = operator.step(Frame(windows=windows, **facts))
+        frame = Frame(windows=windows, **facts)
+        answer = operator.step(frame)
+        work = sum(frame._work)
         if answer is None:
-            return []
+            return work, []
         if isinstance(answer, Message):
             if len(out) != 1:
                 raise TypeError(f"one message, expected a dictionary of the outputs {', '.join(out)}")
@@ -146,12 +167,12 @@ def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> C
             if message is not None and not isinstance(message, Message):
                 found = type(message).__name__
                 raise TypeError(f"`{type(operator).__name__}.step` returned a `{found}` as `{name}`; expected a message")
-        return [None if message is None else message.to_plain() for message in messages]
+        return work, [None if message is None else message.to_plain() for message in messages]
 
     return step
 
 
-def load(where: str) -> type[Operator] | type[Algorithm]:
+def load(where: str) -> type[Operator] | type[Algorithm] | type[World]:
     """The class that `FILE.py:Class` names."""
     file, _, name = where.rpartition(":")
     if not file:
@@ -166,8 +187,8 @@ def load(where: str) -> type[Operator] | type[Algorithm]:
     sys.path.insert(0, str(path.parent))
     spec.loader.exec_module(module)
     found = getattr(module, name, None)
-    if not (isinstance(found, type) and issubclass(found, (Operator, Algorithm))):
-        fit = (v for v in vars(module).values() if isinstance(v, type) and issubclass(v, (Operator, Algorithm)))
+    if not (isinstance(found, type) and issubclass(found, (Operator, Algorithm, World))):
+        fit = (v for v in vars(module).values() if isinstance(v, type) and issubclass(v, (Operator, Algorithm, World)))
         classes = [v.__name__ for v in fit if v.__module__ == module.__name__]
         raise TypeError(f"{file} has no operator `{name}`, only {', '.join(classes) or 'none'}")
     return found
@@ -177,11 +198,16 @@ def load(where: str) -> type[Operator] | type[Algorithm]:
 _Creator = Callable[[], Callable[[dict[str, Any]], dict[str, Any]]]
 
 
-def _creator(algorithm: type[Algorithm]) -> _Creator:
-    return lambda: algorithm()._calls()
+def _creator(algorithm: type[Algorithm], starts: list[Start]) -> _Creator:
+    def create() -> Callable[[dict[str, Any]], dict[str, Any]]:
+        made = algorithm()
+        made.begin(starts[-1])
+        return made._calls()
+
+    return create
 
 
-def _algorithms(places: Iterable[str]) -> dict[str, _Creator]:
+def _algorithms(places: Iterable[str], starts: list[Start]) -> dict[str, _Creator]:
     """The algorithms among the classes, by role. A class that cannot be loaded is reported with its operator."""
     made: dict[str, _Creator] = {}
     for where in places:
@@ -190,32 +216,57 @@ def _algorithms(places: Iterable[str]) -> dict[str, _Creator]:
         except Exception:
             continue
         if issubclass(found, Algorithm):
-            made[found.role] = _creator(found)
+            made[found.role] = _creator(found, starts)
     return made
 
 
-def work(words: list[str]) -> int:
-    """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
-    places = {name: where for name, _, where in (word.rpartition("=") for word in words)}
+class _Process:
+    """The classes of a process, and the facts of its drive."""
 
-    def make(name: str, inputs: _Ports, outputs: _Ports, lanes: _swerve.Lanes) -> Callable[..., list[Any]] | None:
-        where = places.get(name, places.get(""))
+    def __init__(self, places: Mapping[str, str]) -> None:
+        self._places = places
+        self._worlds: dict[str, Steps] = {}
+        self.starts: list[Start] = []
+
+    def make(
+        self, name: str, inputs: _Ports, outputs: _Ports, about: tuple[str, int, _swerve.Lanes, dict[str, Any]]
+    ) -> Callable[..., Any] | None:
+        """The steps of an operator; `None` if it is one of the stack, which calls an algorithm."""
+        kind, period_ns, lanes, plain = about
+        where = self._places.get(name, self._places.get(""))
         if where is None:
             raise KeyError(f"no class is named for operator `{name}`")
+        map = Map(lanes)
+        start = start_of(plain, map)
+        self.starts.append(start)
         found = load(where)
+        if (kind in ("python_world", "python_sensor")) != issubclass(found, World):
+            expected = "a `swerve.World`" if kind.startswith("python_") else "an operator of the kind python_world"
+            raise TypeError(f"operator `{name}` and the class `{found.__name__}` do not fit: expected {expected}")
+        if issubclass(found, World):
+            if where not in self._worlds:
+                self._worlds[where] = Steps(found, start)
+            world = self._worlds[where]
+            return world.world if kind == "python_world" else world.sensor(name, str(outputs[0][-1]), period_ns)
         if issubclass(found, Algorithm):
             # The operator of the stack calls it.
             read, published = ([message_class(str(port[-1])).__name__ for port in side] for side in (inputs, outputs))
             algorithms.check(found, name, read, published)
             return None
         operator = found()
-        operator.map = Map(lanes)
+        operator.map = map
+        operator.begin(start)
         return stepper(operator, name, inputs, outputs)
 
+
+def work(words: list[str]) -> int:
+    """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
+    places = {name: where for name, _, where in (word.rpartition("=") for word in words)}
+    process = _Process(places)
     # Standard output is how a process answers its run; what an operator prints is for people.
     sys.stdout = sys.stderr
     try:
-        _swerve.work(make, _algorithms(places.values()))
+        _swerve.work(process.make, _algorithms(places.values(), process.starts))
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from . import _swerve
-from ._files import FileOrDict
+from ._files import FileOrDict, checked_file, checked_names, checked_threads
 from .streams import Stream, streams_of
 
 
@@ -68,15 +68,18 @@ def run(
 
     Other threads of Python go on meanwhile, so that several runs drive at once.
 
-    Raises ValueError with all that is wrong with a file or a key.
+    Raises ValueError with all that is wrong with a file or a key, or for an unknown stream.
     """
+    checked_file("scenario", scenario)
+    if config is not None:
+        checked_file("config", config)
     driven = _swerve.run(
         scenario,
         config,
         set,
         seed,
-        threads=threads,
-        streams=None if streams is None else list(streams),
+        threads=checked_threads(threads),
+        streams=checked_names("streams", streams),
         log=log,
         progress=progress,
         allow_code=allow_code,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _swerve, messages
-from ._files import FileOrDict
+from ._files import FileOrDict, checked_file, checked_names, checked_threads
 from .messages import Command, EgoState, EndReason, Obstacle, ObstacleList
 from .runs import Result
 from .streams import message_class, streams_of
@@ -112,6 +112,7 @@ class Stack:
             if start is not None and goal is not None:
                 way["ends"] = [start, goal]
         if scenario is not None:
+            checked_file("scenario", scenario)
             way["scenario"] = scenario
         if speed_mps is not None:
             way["speed_mps"] = float(speed_mps)
@@ -120,8 +121,8 @@ class Stack:
             config=config,
             set=None if set is None else dict(set),
             seed=seed,
-            threads=threads,
-            streams=None if streams is None else list(streams),
+            threads=checked_threads(threads),
+            streams=checked_names("streams", streams),
             log=log,
             out=out,
             allow_code=allow_code,

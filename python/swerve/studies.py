@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _swerve
+from ._files import checked_file, checked_threads
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,6 +88,8 @@ def study(
 
     Raises ValueError with all that is wrong with the study, its files or its cells.
     """
+    checked_file("study", file)
+    workers = (os.cpu_count() or 1) if threads is None else checked_threads(threads)
     with tempfile.TemporaryDirectory(prefix="swerve-") as folder:
         if isinstance(file, dict):
             path = Path(folder) / f"{file.get('name', 'study')}.toml"
@@ -98,7 +101,7 @@ def study(
             path,
             Path(folder) / "cells" if out is None else Path(out),
             [f"{key}={_toml(value)}" for key, value in (set or {}).items()],
-            threads or os.cpu_count() or 1,
+            workers,
             progress,
             allow_code or isinstance(file, dict),
         )

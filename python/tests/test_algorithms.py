@@ -54,11 +54,13 @@ def test_planner_plans_with_the_comfort_layer_and_counted_work(file: Any) -> Non
     assert set((timed.visible_at - timed.stamps).tolist()) == {30_000_000}
 
 
-def test_chain_of_a_collision_ends_at_the_track(file: Any, tmp_path: Path) -> None:
-    """Plans of a class in Python are not computed again: nothing is said of the plans without the person."""
+def test_chain_of_a_collision_plans_again_with_consent(file: Any, tmp_path: Path) -> None:
+    """Plans of a class in Python are computed again only if its file may be run: here they do not depend on the person."""
     log, alone = str(tmp_path / "drive.mcap"), {"planning": {"comfort": {"enabled": False}}}
     swerve.run("person_crossing", by("planner", f"{file(ROUTE)}:Along", **alone), log=log)
     command = [sys.executable, "-m", "swerve", "why", log]
+    allowed = subprocess.run([*command, "--allow-code"], capture_output=True, text=True, check=True).stdout
+    assert "no plan had changed because of it before the collision" in allowed, allowed
     why = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert "planner would have planned without it cannot be computed" in why and "changed" not in why, why
 

@@ -13,7 +13,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/howto/python.md").read_text()
 GUEST = (ROOT / "docs/howto/guest.md").read_text()
-BLOCKS = [(info.split(), text) for info, text in re.findall(r"^```(.*)\n((?:.*\n)*?)```$", PAGE + GUEST, re.MULTILINE)]
+WORLD = (ROOT / "docs/howto/world_in_python.md").read_text()
+BLOCKS = [(info.split(), text) for info, text in re.findall(r"^```(.*)\n((?:.*\n)*?)```$", PAGE + GUEST + WORLD, re.MULTILINE)]
 
 
 def python(*words: str, folder: Path) -> str:
@@ -35,7 +36,7 @@ def test_a_configuration_runs_with_what_is_beside_it(tmp_path: Path) -> None:
         if info[:1] == ["python"] and len(info) == 2:
             (tmp_path / info[1]).write_text(text)
     configs = [text for info, text in BLOCKS if info == ["toml", "config"]]
-    assert len(configs) == 3
+    assert len(configs) == 4
     for index, text in enumerate(configs):
         (tmp_path / f"my_{index}.toml").write_text(text)
         said = [

@@ -68,6 +68,15 @@ def test_the_guest_drives_in_highway_env(tmp_path: Path) -> None:
     assert "crashed: False" in said, said
 
 
+def test_highway_env_is_a_world_with_the_digest_of_the_page(tmp_path: Path) -> None:
+    pytest.importorskip("highway_env")
+    scenario, config = EXAMPLES / "highway_world_scenario.toml", EXAMPLES / "highway_world.toml"
+    ran = python(tmp_path, "-m", "swerve", "run", scenario, "-c", config, "--allow-code", "--json")
+    digest = re.search(r'"digest": *"(\w+)"', ran)
+    assert digest and f"`{digest[1]}`" in (EXAMPLES.parents[1] / "docs/howto/world_in_python.md").read_text(), ran
+    assert len((EXAMPLES / "highway_world.py").read_text().splitlines()) <= 60
+
+
 def test_the_study_of_detectors_and_the_network_are_valid_configurations(tmp_path: Path) -> None:
     for name in ("detector_study.toml", "onnx_detector.toml"):
         assert python(tmp_path, "-m", "swerve", "check", EXAMPLES / name)

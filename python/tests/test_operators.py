@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 from typing import Any
 
@@ -351,6 +353,116 @@ def test_a_car_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -
         car.wait()
 
 
+@pytest.mark.parametrize("change", ["image", "dark(image)"])
+def test_images_are_published(file: Any, change: str) -> None:
+    """An image as it was read, and one of its own."""
+    where = file(
+        f"""
+        def dark(image):
+            return messages.Image(image.stamp, image.width_px, image.height_px, image.camera, np.array(image.pixels) // 2)
+
+        class Filter(swerve.Operator):
+            inputs = {{"image": messages.Image}}
+            outputs = {{"out": messages.Image}}
+
+            def step(self, frame):
+                image = frame["image"]
+                return {change}
+        """
+    )
+    camera = {"front": {"width_px": 160, "height_px": 80, "period_ms": 500}}
+    declared = {"kind": "python", "inputs": {"image": "Image"}, "outputs": {"out": "Image"}}
+    process = {"operators": ["filter"], "python": f"{where}:Filter"}
+    config = {"camera": camera, "operator": {"filter": declared}, "process": {"p": process}}
+    result = swerve.run("lane", config, set={"ego.speed_mps": 30}, streams=["front.rgb", "filter"])
+    before, after = result.streams["front.rgb"], result.streams["filter"]
+    assert len(after) == len(before) > 5
+    for index in (0, 5):
+        expected = before[index].pixels if change == "image" else before[index].pixels // 2
+        assert (after[index].pixels == expected).all() and expected.any()
+
+
+def test_point_clouds_are_published(file: Any) -> None:
+    where = file(
+        """
+        class Ahead(swerve.Operator):
+            inputs = {"cloud": messages.PointCloud}
+            outputs = {"out": messages.PointCloud}
+
+            def step(self, frame):
+                cloud = frame["cloud"]
+                ahead = np.asarray(cloud.x_m) > 0
+                names = ("x_m", "y_m", "z_m", "intensity", "ring", "time_offset_s")
+                return messages.PointCloud(cloud.stamp, *(np.asarray(getattr(cloud, name))[ahead] for name in names))
+        """
+    )
+    declared = {"kind": "python", "inputs": {"cloud": "PointCloud"}, "outputs": {"out": "PointCloud"}}
+    process = {"operators": ["ahead"], "python": f"{where}:Ahead"}
+    config = {"lidar": {"roof": {}}, "operator": {"ahead": declared}, "process": {"p": process}}
+    result = swerve.run("lane", config, set={"ego.speed_mps": 30}, streams=["roof.points", "ahead"])
+    before, after = result.streams["roof.points"][3], result.streams["ahead"][3]
+    assert 0 < len(after.x_m) < len(before.x_m) and (after.x_m > 0).all() and len(after.ring) == len(after.x_m)
+
+
+HANGS = """
+    class Hangs(swerve.Operator):
+        inputs = {"seen": messages.ObstacleList}
+        outputs = {"out": messages.ObstacleList}
+
+        def step(self, frame):
+            while True:
+                pass
+"""
+
+
+def hangs(where: str) -> dict[str, Any]:
+    declared = {"kind": "python", "inputs": {"seen": "ObstacleList"}, "outputs": {"out": "ObstacleList"}}
+    process = {"operators": ["stuck"], "python": f"{where}:Hangs", "reply_within_s": 600.0}
+    return {"operator": {"stuck": declared}, "process": {"p": process}}
+
+
+def test_a_hung_operator_is_interrupted(file: Any, tmp_path: Path) -> None:
+    """Ctrl-C, as a notebook's interrupt: to this process alone; also while a study runs."""
+    config = hangs(file(HANGS))
+    study = f"swerve.study({{'name': 's', 'base': {{'scenario': 'lane', 'config': 'c.toml'}}, 'axis': [{{'key': 'seed', 'values': [1, 2]}}]}})"
+    (tmp_path / "c.toml").write_text(swerve_config_text(config))
+    for call in (f"swerve.run('lane', {config!r}, log='drive.mcap')", study):
+        code = f"import swerve\nprint('begun', flush=True)\ntry:\n    {call}\nexcept KeyboardInterrupt:\n    print('interrupted')"
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=tmp_path) as program:
+            assert program.stdout is not None and program.stdout.readline() == "begun\n"
+            time.sleep(5.0)
+            program.send_signal(signal.SIGINT)
+            try:
+                said, _ = program.communicate(timeout=20.0)
+            finally:
+                program.kill()
+            assert said == "interrupted\n" and program.returncode == 0
+    assert swerve.read_log(tmp_path / "drive.mcap").streams["pose"]
+
+
+def swerve_config_text(config: dict[str, Any]) -> str:
+    """A configuration as TOML: its tables as inline ones."""
+    from swerve.studies import _toml
+
+    return "".join(f"{key} = {_toml(value)}\n" for key, value in config.items())
+
+
+def test_no_answer_to_a_missed_deadline_is_refused(file: Any) -> None:
+    late = {"ms": 50.0, "reaction": "on_deadline"}
+    expected = "operator.finder.deadline.reaction: an operator in Python has no answer to a missed deadline: expected"
+    with pytest.raises(ValueError, match=expected):
+        swerve.run("lane", with_finder(file(FINDER), deadline=late))
+
+
+def test_run_time_follows_from_the_work_of_a_step(file: Any) -> None:
+    where = file(FINDER.replace("seen, ego =", "frame.spend(3); frame.spend(4); seen, ego ="))
+    work = {"work": {"base_ms": 1.0, "per_unit_us": 2000.0}}
+    finder = swerve.run("person_crossing", with_finder(where, runtime=work)).streams["finder"]
+    assert set((finder.visible_at - finder.stamps).tolist()) == {15_000_000}
+    with pytest.raises(ValueError, match=r"frame\.spend\(-3\): expected zero or more"):
+        swerve.run("lane", with_finder(file(FINDER.replace("seen, ego =", "frame.spend(-3); seen, ego ="))))
+
+
 def test_an_operator_is_stepped_without_a_run() -> None:
     class Brake(operators.Operator):
         inputs = {"pose": messages.EgoState, "plan": messages.Plan}
@@ -363,7 +475,7 @@ def test_an_operator_is_stepped_without_a_run() -> None:
     ports = [(None, "latest", "pose", "EgoState"), (None, "latest", "planner", "Plan")]
     step = operators.stepper(Brake(), "controller", ports, [(None, "controller", "Command")])
     facts = {"operator": "controller", "now": 5, "stamp": 5, "deadline": None}
-    assert step(facts, [[], []]) == []
+    assert step(facts, [[], []]) == (0, [])
     header = dict(stamp=5, visible_at=5, seq=0, watermark=5, reused_from=None, origin=None)
     pose = swerve.run("lane", streams=["pose"]).streams["pose"].plain(3)
-    assert step(facts, [[(header, pose)], []]) == [{"steering_rad": 0.0, "throttle": 0.0, "brake": 1.0}]
+    assert step(facts, [[(header, pose)], []]) == (0, [{"steering_rad": 0.0, "throttle": 0.0, "brake": 1.0}])

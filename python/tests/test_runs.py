@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 import threading
@@ -169,3 +170,75 @@ def test_a_study_is_a_dictionary_or_a_file(tmp_path: Path) -> None:
 def test_what_is_wrong_with_a_study_is_told() -> None:
     with pytest.raises(ValueError, match="planning"):
         swerve.study({**STUDY, "axis": [{"key": "planing.planner", "values": ["fot"]}]})
+
+
+def test_results_and_streams_are_pickled(run: swerve.Result) -> None:
+    again = pickle.loads(pickle.dumps(run))
+    assert again.digest == run.digest and again.metrics == run.metrics and list(again.streams) == list(run.streams)
+    for name, stream in run.streams.items():
+        other = again.streams[name]
+        assert (other.stamps == stream.stamps).all() and (other.origins == stream.origins).all()
+        assert other[-1] == stream[-1] and other.operator == stream.operator and repr(other) == repr(stream)
+    data = run.streams["pose"]._data
+    kind, (*texts, times, payloads) = data.__reduce__()
+    with pytest.raises(ValueError, match="its parts do not fit together"):
+        kind(*texts, [times[0][:-8], *times[1:]], payloads)
+
+
+def test_entries_of_lists_are_long_tables(run: swerve.Result) -> None:
+    tracks = run.streams["tracker"]
+    assert "tracks" in tracks.lists
+    entries = tracks.entries("tracks")
+    each = [(index, track) for index, message in enumerate(tracks) for track in message.tracks]
+    assert len(each) > 20 and entries["message"].tolist() == [index for index, _ in each]
+    assert entries["id"].tolist() == [track.id for _, track in each]
+    assert entries["pose.x_m"].tolist() == [track.pose.x_m for _, track in each]
+    assert (entries["stamp"] == tracks.stamps[entries["message"]]).all()
+    with pytest.raises(KeyError, match="tracker has no list `trucks`, only tracks"):
+        tracks.entries("trucks")
+    pytest.importorskip("pandas")
+    table = tracks.to_pandas("tracks")
+    assert len(table) == len(each) and table.index.name == "stamp_s" and list(table["id"]) == entries["id"].tolist()
+
+
+def test_streams_are_sliced(run: swerve.Result) -> None:
+    pose = run.streams["pose"]
+    assert pose[2:5] == [pose[2], pose[3], pose[4]] and pose[-2:] == [pose[-2], pose[-1]]
+    assert pose[np.int64(3)] == pose[3]
+    with pytest.raises(TypeError, match="pose: expected the name of a column, an index or a slice, found 1.5"):
+        pose[1.5]  # type: ignore[index]
+
+
+def test_tables_of_a_log_are_tables_of_pandas(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    swerve.run(SHORT, log=tmp_path / "log.mcap")
+    log = swerve.read_log(tmp_path / "log.mcap")
+    table = log.steps.to_pandas()
+    assert list(table.columns) == list(log.steps) and len(table) == len(log.steps["stamp"]) > 100
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "says"),
+    [
+        ({"streams": ["nope"]}, ValueError, "streams: unknown stream `nope`, expected some of world, "),
+        ({"streams": ["poze"]}, ValueError, "did you mean `pose`"),
+        ({"streams": "pose"}, TypeError, "streams: expected a list of names, found the text 'pose'"),
+        ({"streams": [3]}, TypeError, "streams: expected names, found 3"),
+        ({"threads": 0}, ValueError, "threads: expected a whole number from 1 on, found 0"),
+        ({"scenario": 3}, TypeError, "scenario: expected a file, a name or a dictionary, found 3"),
+        ({"config": 3}, TypeError, "config: expected a file, a name or a dictionary, found 3"),
+    ],
+)
+def test_wrong_arguments_are_errors(arguments: dict[str, Any], error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        swerve.run(**{"scenario": SHORT, **arguments})
+    if "config" not in arguments:
+        with pytest.raises(error, match=says):
+            swerve.Stack(**{"scenario": SHORT, **arguments})
+
+
+def test_wrong_arguments_of_studies_are_errors() -> None:
+    with pytest.raises(ValueError, match="threads: expected a whole number"):
+        swerve.study(STUDY, threads=0)
+    with pytest.raises(TypeError, match="study: expected a file"):
+        swerve.study(3)  # type: ignore[arg-type]

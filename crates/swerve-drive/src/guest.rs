@@ -41,11 +41,11 @@ use crate::recording::{Recording, run_start, set_up};
 use commands::Tape;
 use facts::facts;
 use inputs::Inputs;
-use scene::Referee;
 
 pub use commands::{Commanded, Commands};
 pub use inputs::InputStream;
 pub use line::{Line, scenario_on_map};
+pub use scene::Referee;
 
 /// Options of a stack in a foreign world.
 #[derive(Clone, Debug)]

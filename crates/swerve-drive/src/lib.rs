@@ -36,7 +36,7 @@ pub use drive::{
     record_run_times,
 };
 pub use ego::{EgoRun, OfEgo, of_ego};
-pub use guest::{Commanded, Commands, InputStream, Line, Stack, StackOptions, scenario_on_map};
+pub use guest::{Commanded, Commands, InputStream, Line, Referee, Stack, StackOptions, scenario_on_map};
 pub use lights::light_courses;
 pub use load::{
     RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,

@@ -11,7 +11,8 @@ use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{Graph, SourceHandle};
 use swerve_ipc::{
-    IpcError, LATE_S, OnWorkerEvent, Traffic, WorkerEvent, WorkerPool, WorkerSetup, WorkerSpec, work,
+    Interrupt, IpcError, LATE_S, OnWorkerEvent, Traffic, WorkerEvent, WorkerPool, WorkerSetup, WorkerSpec,
+    work,
 };
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
@@ -155,7 +156,8 @@ impl Processes {
         needed.retain(|_, process| !process.operators.is_empty());
         let mut setup = config.clone();
         (setup.process, setup.shared_memory) = (needed, SharedMemoryConfig::default());
-        Self::start(&Program::this()?, &setup, pipeline).map(Some)
+        // Each process builds the whole pipeline, also of operators that are played back here.
+        Self::start_of(&Interrupt::default(), &Program::this()?, (config, &setup), pipeline).map(Some)
     }
 
     /// Starts the processes of a configuration with this program, if it has any.
@@ -173,9 +175,32 @@ impl Processes {
     /// If the user has not consented to a program named in the configuration, if there is no shared memory, or if a
     /// process does not start.
     pub fn start(program: &Program, config: &Setup, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+        Self::start_unless(&Interrupt::default(), program, config, pipeline)
+    }
+
+    /// Same as [`start`](Self::start); `interrupt` ends the processes, also one that hangs in its first import.
+    ///
+    /// # Errors
+    /// Same as [`start`](Self::start).
+    pub fn start_unless(
+        interrupt: &Interrupt,
+        program: &Program,
+        config: &Setup,
+        pipeline: &mut Pipeline,
+    ) -> anyhow::Result<Self> {
+        Self::start_of(interrupt, program, (config, config), pipeline)
+    }
+
+    /// Starts the processes of `config`, which build the pipeline of `whole`.
+    fn start_of(
+        interrupt: &Interrupt,
+        program: &Program,
+        (whole, config): (&Setup, &Setup),
+        pipeline: &mut Pipeline,
+    ) -> anyhow::Result<Self> {
         trust::check(config, config.process.keys())?;
         let texts = Texts {
-            config: config.to_text(),
+            config: whole.to_text(),
             scenario: pipeline.scenario.text.to_string(),
             map: pipeline.scenario.road.map_text().map(|text| text.to_string()),
         };
@@ -184,6 +209,7 @@ impl Processes {
             Some(name) => WorkerPool::named(name)?,
             None => WorkerPool::new()?,
         };
+        workers.ended_by(interrupt);
         let read = streams_read(config, pipeline)?;
         for (stream, memory) in &pipeline.memory {
             if read.iter().any(|(_, read)| read == stream) {
@@ -230,16 +256,16 @@ impl Processes {
 
 /// Main function of a worker process: takes the steps requested by the coordinator.
 pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
-    run_worker_with(registry, |_, pipeline| Ok(pipeline.graph))
+    run_worker_with(registry, |_, _, pipeline| Ok(pipeline.graph))
 }
 
-/// Same as [`run_worker`], after `prepare` has modified the pipeline.
+/// Same as [`run_worker`], after `prepare` has modified the pipeline of this configuration.
 ///
 /// # Errors
 /// If it was not started by a run, if the run's shared memory is missing, or any error of `prepare`.
 pub fn run_worker_with(
     registry: &Registry,
-    prepare: impl FnOnce(&WorkerSetup, Pipeline) -> anyhow::Result<Graph>,
+    prepare: impl FnOnce(&WorkerSetup, &Setup, Pipeline) -> anyhow::Result<Graph>,
 ) -> anyhow::Result<()> {
     let setup = WorkerSetup::read(std::io::stdin().lock())
         .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
@@ -252,7 +278,7 @@ pub fn run_worker_with(
         .map_err(|problems| problems_error(&problems))?;
     // Cameras and lidars are not stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
-    let worker = prepare(&setup, pipeline)?.into_worker(&setup.operators)?;
+    let worker = prepare(&setup, &config, pipeline)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
 }
 

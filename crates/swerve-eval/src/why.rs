@@ -189,7 +189,7 @@ fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
             "; no plan would have been another one without it"
         }
         (Milestone::Tracked, Until::Track) => {
-            "; how the planner would have planned without it cannot be computed, because it runs in another program"
+            "; how the planner would have planned without it cannot be computed, because it runs in another program (--allow-code starts it)"
         }
         (Milestone::Tracked, Until::Impact) => "; no plan had changed because of it before the collision",
         (Milestone::Planned, Until::End | Until::Command) => "; no command followed from that",

@@ -28,6 +28,7 @@
 mod error;
 mod event;
 mod folder;
+mod interrupt;
 mod leftovers;
 mod lend;
 mod link;
@@ -45,6 +46,7 @@ mod worker;
 pub use error::IpcError;
 pub use event::{LATE_S, OnWorkerEvent, WorkerEvent};
 pub use folder::writable;
+pub use interrupt::Interrupt;
 pub use leftovers::dead_runs;
 pub use link::{Traffic, kill_workers};
 pub use pool::{OnLoss, WorkerPool, WorkerSpec};

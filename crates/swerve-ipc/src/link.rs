@@ -106,7 +106,7 @@ pub(crate) struct Life {
     pub(crate) waker: Option<Arc<Waker>>,
     /// Process, from its start to its end.
     child: Option<Child>,
-    /// Reason why it was killed, if it hung.
+    /// Reason why it was killed, if it hung or its run was interrupted.
     hung: Option<String>,
 }
 
@@ -142,6 +142,14 @@ impl Life {
     /// Process ID, while the process exists.
     pub(crate) fn process_number(&self) -> Option<u32> {
         self.child.as_ref().map(Child::id)
+    }
+
+    /// Kills the process and its children, once, for a reason that its end then has.
+    pub(crate) fn kill_for(&mut self, why: impl Into<String>) {
+        if self.child.is_some() && self.hung.is_none() {
+            self.hung = Some(why.into());
+            self.kill();
+        }
     }
 
     /// Kills the process and its children.
@@ -390,13 +398,12 @@ impl Link {
     /// Kills a worker that does not answer. It then counts as ended.
     fn kill_hung(&self, operator: &str) {
         let mut life = self.watched.life();
-        if life.starts == self.start && life.hung.is_none() {
+        if life.starts == self.start {
             let Self { process, waits, .. } = self;
             let seconds = waits.reply_within.as_secs_f64();
-            life.hung = Some(format!(
+            life.kill_for(format!(
                 "did not answer operator `{operator}` within {seconds} s (process.{process}.reply_within_s) and was killed"
             ));
-            life.kill();
         }
     }
 

@@ -18,6 +18,7 @@ use swerve_msg::block::Memory;
 
 use crate::event::{LATE_S, OnWorkerEvent, WorkerEvent};
 use crate::folder::RunFolder;
+use crate::interrupt::Interrupt;
 use crate::lend::{Lender, Live, StreamMemory};
 use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Waits, Watched, now};
 use crate::service::Hub;
@@ -63,6 +64,7 @@ pub struct WorkerPool {
     counts: Arc<Counts>,
     hub: Arc<Hub>,
     folder: RunFolder,
+    interrupt: Interrupt,
 }
 
 /// The coordinator's handle of a worker.
@@ -109,7 +111,13 @@ impl WorkerPool {
 
     fn in_folder(folder: RunFolder) -> Result<Self, IpcError> {
         let hub = Arc::new(Hub::join(&folder.address)?);
-        Ok(Self { workers: Vec::new(), memories: Vec::new(), counts: Arc::default(), hub, folder })
+        let (workers, memories) = (Vec::new(), Vec::new());
+        Ok(Self { workers, memories, counts: Arc::default(), hub, folder, interrupt: Interrupt::default() })
+    }
+
+    /// Lets this handle kill the workers that are started from now on.
+    pub fn ended_by(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
     }
 
     /// Lends shared memory to a stream whose messages consist of `blocks` blocks. To be called before the workers that
@@ -153,6 +161,7 @@ impl WorkerPool {
             let _told = tell_end.send(());
         });
         let watch = Some(thread.map_err(IpcError::of("starting a thread"))?);
+        self.interrupt.add(shared.watched.clone());
         self.workers.push(WorkerHandle { process, link: Arc::new(Mutex::new(link)), shared, ended, watch });
         Ok(())
     }

@@ -95,6 +95,14 @@ pub fn reading<R>(shelf: Rc<dyn Shelf>, read: impl FnOnce() -> R) -> R {
     result
 }
 
+/// Deserializes plain data inside [`reading`]: values that another program has made meanwhile.
+pub fn reading_plainly<R>(read: impl FnOnce() -> R) -> R {
+    let shelf = READING.take();
+    let result = read();
+    READING.set(shelf);
+    result
+}
+
 /// Encoding of the next array.
 pub(crate) enum Form {
     Plain,

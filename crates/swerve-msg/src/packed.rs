@@ -279,7 +279,7 @@ mod tests {
     use swerve_core::digest_of;
 
     use super::*;
-    use crate::block::{Shelf, Written, reading, writing};
+    use crate::block::{Shelf, Written, reading, reading_plainly, writing};
 
     fn cbor<T: Packable>(numbers: &Packed<T>) -> Vec<u8> {
         let mut out = Vec::new();
@@ -411,6 +411,17 @@ mod tests {
         assert_eq!((there.unwrap(), written.copied), (own.clone(), 3600), "own memory has no place");
         let (there, _) = sent(&numbers, true, &Shared::default());
         assert!(there.unwrap_err().contains("is not there"));
+    }
+
+    #[test]
+    fn plain_numbers_are_read_while_a_call_is_read() {
+        let numbers = Packed::from(vec![1.0_f32, 2.0]);
+        let plain = cbor(&numbers);
+        let (away, _) = writing(true, 1000, || cbor(&numbers));
+        let read = |bytes: &[u8]| ciborium::from_reader::<Packed<f32>, _>(bytes).ok();
+        let shelf = Rc::new(Shared::default());
+        let found = reading(shelf, || [read(&plain), reading_plainly(|| read(&plain)), read(&away)]);
+        assert_eq!(found, [None, Some(numbers.clone()), Some(numbers)]);
     }
 
     #[test]

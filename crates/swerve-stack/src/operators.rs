@@ -32,6 +32,7 @@ mod pose;
 mod pose_trust;
 mod predictor;
 mod python;
+mod python_world;
 mod radar;
 mod receiver;
 mod relative;
@@ -103,6 +104,8 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<pedals::PedalsOperator>()
         .with::<objects_now::ObjectsNow>()
         .with_kind(python::Python)
+        .with_kind(python_world::PythonWorld)
+        .with_kind(python_world::PythonSensor)
         .with::<commands::FreshCommands>()
         .with_kind(inputs::source::<Supervision>(
             "process_events",

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use swerve_core::Span;
-use swerve_flow::{Every, OutputInfo, Port, PortInfo, PortMode};
+use swerve_flow::{Every, OutputInfo, Port, PortInfo, PortMode, Reaction};
 use swerve_msg::RungTaken;
 use swerve_text::number;
 use toml::Value;
@@ -121,6 +121,10 @@ fn wrong(placed: &Placed, setup: &Setup, ladder: Option<&Ladder>) -> Vec<(&'stat
     let is_timed = own.runtime.as_ref().is_some_and(|runtime| runtime.model().is_ok());
     if is_timed && ladder.is_some_and(|ladder| ladder.sets_run_time) {
         wrong.push(("runtime", "the rungs of its ladder say what this operator takes".to_owned()));
+    }
+    if node.elsewhere && own.deadline.is_some_and(|deadline| deadline.reaction == Reaction::OnDeadline) {
+        let message = "an operator in Python has no answer to a missed deadline: expected \"skip\" or \"reuse_last\", found \"on_deadline\"";
+        wrong.push(("deadline.reaction", message.to_owned()));
     }
     if own.every_ms.is_some() {
         let ports = placed.kind.inputs(settings);

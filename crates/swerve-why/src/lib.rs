@@ -24,6 +24,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
 use swerve_drive::page::LogSoFar;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::{
     EgoRun, light_courses, logged_scenario, norm, of_ego, outline, problems_error, track_names,
 };
@@ -181,6 +182,11 @@ impl Logged {
         })
     }
 
+    /// Lets the chain run operators in Python again, if the user has consented.
+    pub fn allow(&mut self, code: CodeArgs) {
+        code.apply(&mut self.config);
+    }
+
     /// Causal chain of the actor that decided the verdict of a run with these metrics, or of the event that did if no
     /// actor did.
     pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Why> {
@@ -288,11 +294,11 @@ impl Logged {
         Ok(Why::new(name, ending.verdict, (&ending.words, until), &steps))
     }
 
-    /// True if an operator is computed by a program that is not run again: a class in Python.
-    fn runs_elsewhere(&self, operator: &str) -> bool {
-        let mut processes = self.config.process.values();
-        processes
-            .any(|process| process.python.is_some() && process.operators.iter().any(|name| name == operator))
+    /// True if an operator is a class in Python that the user has not consented to run again.
+    fn is_refused(&self, operator: &str) -> bool {
+        let process = self.config.process_of(operator);
+        let is_python = |name: &&str| self.config.process[*name].python.is_some();
+        process.filter(is_python).is_some_and(|name| self.config.refusal(name).is_some())
     }
 
     /// Graph of the run. A foreign world is in it as the simulated one that reads the commands.
@@ -339,7 +345,7 @@ impl Logged {
             tracked.at,
             timeline.waits(&tracks, last, tracked, "confirmation by"),
         ));
-        if self.runs_elsewhere(&planner) {
+        if self.is_refused(&planner) {
             return Ok((steps, Until::Track));
         }
         last = tracked;
@@ -348,7 +354,8 @@ impl Logged {
         let path = timeline.path(&planner, &world);
         let end = path.last().map_or(planner.as_str(), String::as_str);
         let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
-        let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
+        let (log, setup) = (&self.log, &self.config);
+        let without = without::Without { log, setup, stream: &predicted, ids: &ids, from: tracked.stamp };
         // From a plan to the simulation step that applies its first command.
         let way = |stamp| {
             let planned = timeline.seen(&plans, stamp)?;

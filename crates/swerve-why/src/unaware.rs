@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use swerve_core::Time;
+use swerve_drive::process::Processes;
 use swerve_drive::record_run_times;
 use swerve_flow::{Event, Observer, RunOptions, StopHandle, run_virtual};
 use swerve_log::PublicationRecord;
@@ -69,7 +70,7 @@ impl Without<'_> {
         times: (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
     ) -> anyhow::Result<Unaware> {
         let is_repeatable = first.clock != Clock::Wall;
-        // Steps that need another process are not run again.
+        // Without consent, programs that the log names are not started.
         let unaware = self.drive(first, (planner, world), timeline, times).unwrap_or(Unaware::UNKNOWN);
         if is_repeatable && unaware.answer != Answer::Unknown {
             return Ok(unaware);
@@ -103,6 +104,7 @@ impl Without<'_> {
         again.extend(own);
         record_run_times(&mut pipeline, self.log, |name| again.contains(name));
         self.play_others(&mut pipeline, timeline, |name| again.contains(name))?;
+        let _processes = Processes::start_needed(self.setup, &mut pipeline)?;
         let all = |stream| self.log.publications(stream).map(|p| (p.header.stamp, p)).collect();
         let mut compared = Compared {
             states: all(world),

@@ -1,13 +1,14 @@
 //! Counterfactual plans without an actor.
 
 use swerve_core::Time;
+use swerve_drive::process::Processes;
 use swerve_drive::record_run_times;
 use swerve_flow::{Event, Observer, PlaybackPayload, PlaybackRecord, RunOptions, StopHandle, run_virtual};
 use swerve_log::{Log, Record};
 use swerve_msg::{ActorId, Plan, PredictionList};
-use swerve_stack::Role;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Role, Setup};
 
 use super::timeline::Timeline;
 
@@ -17,6 +18,7 @@ pub(super) const OTHER: f64 = 0.1;
 /// A log whose planner plans again.
 pub(super) struct Without<'a> {
     pub(super) log: &'a Log,
+    pub(super) setup: &'a Setup,
     /// Stream of predictions that the planner reads.
     pub(super) stream: &'a str,
     /// Tracks removed from the predictions.
@@ -46,6 +48,7 @@ impl Without<'_> {
             record_run_times(&mut pipeline, self.log, |operator| operator == planner);
         }
         self.play_others(&mut pipeline, timeline, |name| name == planner)?;
+        let _processes = Processes::start_needed(self.setup, &mut pipeline)?;
         let plans = timeline.stream_of::<Plan>(planner).unwrap_or(planner);
         let log = self.log.publications(plans).map(|p| (p.header.stamp, p)).collect();
         let stop = pipeline.graph.stop_handle();

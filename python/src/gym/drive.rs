@@ -12,6 +12,7 @@ use swerve_msg::{EgoState, Route};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::pipeline::Pipeline;
+use swerve_vehicle::Shape;
 
 use super::action::{Level, Wheel};
 use super::observe::{Form, From};
@@ -34,6 +35,9 @@ pub(crate) const FACTS: [&str; 11] = [
 
 /// Maximum distance of the ego along the route between two updates, metres.
 const REACH_M: f64 = 30.0;
+
+/// Range of the route in a picture, metres to either side of the ego.
+const SHOWN_M: i32 = 90;
 
 /// Common inputs of all drives.
 pub(crate) struct Task {
@@ -159,6 +163,7 @@ pub(crate) struct Drive {
     ego: EgoState,
     truth: EgoState,
     place: FrenetPoint,
+    shape: Shape,
     collided: bool,
     left_road: bool,
     ended: Option<EndReason>,
@@ -174,7 +179,7 @@ impl Drive {
         let (agent, wheel) = task.level.agent();
         let mut pipeline = Pipeline::build_for(&config, &task.scenario, &agent)?;
         let processes = Processes::start_needed(&config, &mut pipeline)?;
-        let Pipeline { graph, scenario, route, until, .. } = pipeline;
+        let Pipeline { graph, scenario, route, until, vehicle, .. } = pipeline;
         let options = RunOptions::until(until).seed(config.seed);
         let mut session = Session::new(graph, &options, Vec::new())?;
         session.hold_before(&agent.operator(&config)?)?;
@@ -198,6 +203,7 @@ impl Drive {
             ego: EgoState::default(),
             truth: EgoState { stamp: Time::from_ns(-1), ..EgoState::default() },
             place: FrenetPoint::default(),
+            shape: vehicle.shape,
             collided: false,
             left_road: false,
             ended: None,
@@ -279,6 +285,27 @@ impl Drive {
     pub(crate) fn image(&self, task: &Task, stream: &str) -> Option<Numbers> {
         let index = task.observed.iter().position(|observed| observed.name == stream)?;
         image(self.session.newest(self.watched[index])?.1)
+    }
+
+    /// True surroundings for a picture: kind, pose of the middle, length and width of each body, the ego's first; points of
+    /// the route around the ego, with the distances to its left and right border.
+    pub(crate) fn scene(&self) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
+        let center = self.shape.footprint(self.truth.pose).center;
+        let size = (self.shape.length_m, self.shape.width_m);
+        let mut bodies = vec![[-1.0, center.x_m, center.y_m, center.heading_rad, size.0, size.1]];
+        let world = self.session.newest(self.world);
+        let world = world.and_then(|(_, payload)| (**payload).as_any().downcast_ref::<WorldState>());
+        bodies.extend(world.into_iter().flat_map(|world| &world.actors).map(|actor| {
+            let (pose, extent) = (actor.pose, actor.extent);
+            let kind = f64::from(actor.kind as u8);
+            [kind, pose.x_m, pose.y_m, pose.heading_rad, extent.length_m, extent.width_m]
+        }));
+        let around = (-SHOWN_M..=SHOWN_M).map(|k| (self.place.s_m + f64::from(k)).max(0.0));
+        let points = around.filter(|s_m| *s_m <= self.route.line().length()).map(|s_m| {
+            let pose = self.route.line().at(s_m).pose;
+            [pose.x_m, pose.y_m, pose.heading_rad, self.route.left_m(s_m), self.route.right_m(s_m)]
+        });
+        (bodies, points.collect())
     }
 
     /// Ground-truth facts: as many numbers as [`FACTS`] has names.

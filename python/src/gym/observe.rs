@@ -9,8 +9,8 @@ use swerve_flow::ErasedPayload;
 use swerve_geom::{Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    ActorKind, Command, EgoState, Extent, Gnss, Imu, ObstacleList, PredictionList, RadarScan, Route,
-    TrackList, WheelOdometry,
+    ActorKind, Command, EgoState, Extent, Gnss, Imu, ObstacleList, PointCloud, PredictionList, RadarScan,
+    Route, TrackList, WheelOdometry,
 };
 
 /// Conversion of a stream's messages to numbers.
@@ -28,12 +28,20 @@ pub(crate) enum Form {
     Tracks,
     Predictions,
     Radar,
+    /// Distance to the nearest point of a lidar in each of its sectors.
+    Lidar,
     /// A separate array, not part of the numbers.
     Image,
 }
 
 /// Distances ahead at which the route's curvature is observed, metres.
 const AHEAD_M: [f64; 4] = [0.0, 5.0, 10.0, 20.0];
+/// Number of sectors of a lidar's surroundings, and the distance of an empty one, metres.
+const SECTORS: usize = 72;
+const FREE_M: f64 = 200.0;
+/// Heights of the points that count, relative to the sensor, metres.
+const BELOW_M: f64 = -1.4;
+const ABOVE_M: f64 = 1.0;
 /// Instants of the observed predictions.
 const LATER: [Span; 3] = [Span::from_ms(500), Span::from_ms(1000), Span::from_ms(2000)];
 const EGO: [&str; 8] = [
@@ -73,6 +81,7 @@ impl Form {
             "TrackList" => Self::Tracks,
             "PredictionList" => Self::Predictions,
             "RadarScan" => Self::Radar,
+            "PointCloud" => Self::Lidar,
             "Image" => Self::Image,
             _ => return None,
         })
@@ -106,6 +115,7 @@ impl Form {
                 names
             }
             Self::Radar => named(&["present", "range_m", "range_rate_mps", "azimuth_rad", "rcs_dbsm"]),
+            Self::Lidar => (0..SECTORS).map(|k| format!("range_m.{}deg", k * 360 / SECTORS)).collect(),
             Self::Image => Vec::new(),
         }
     }
@@ -219,10 +229,28 @@ impl From<'_> {
                 };
                 scan.detections.iter().map(echo).collect()
             }),
+            Form::Lidar => any.downcast_ref().map(|cloud: &PointCloud| one(ranges(cloud))),
             Form::Route | Form::Image => None,
         }
         .unwrap_or_default()
     }
+}
+
+/// Distance to the nearest point in each sector around a lidar, counter-clockwise from straight ahead; [`FREE_M`] without a
+/// point. Points lower than [`BELOW_M`] are ground, of a
+/// sensor on the roof.
+fn ranges(cloud: &PointCloud) -> Vec<f64> {
+    let mut ranges = vec![FREE_M; SECTORS];
+    for ((x, y), z) in cloud.x_m.iter().zip(cloud.y_m.iter()).zip(cloud.z_m.iter()) {
+        let (x, y, z) = (f64::from(*x), f64::from(*y), f64::from(*z));
+        if !(BELOW_M..=ABOVE_M).contains(&z) {
+            continue;
+        }
+        let turn = math::atan2(y, x) / core::f64::consts::TAU;
+        let sector = (turn.rem_euclid(1.0) * SECTORS as f64) as usize % SECTORS;
+        ranges[sector] = ranges[sector].min(math::hypot(x, y));
+    }
+    ranges
 }
 
 fn ego_numbers(ego: &EgoState) -> Vec<f64> {

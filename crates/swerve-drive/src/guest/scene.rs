@@ -15,7 +15,7 @@ use swerve_vehicle::Shape;
 const REACH_M: f64 = 15.0;
 
 /// Judges a foreign world by the rules of the simulator: collisions, leaving the road, and the end.
-pub(super) struct Referee {
+pub struct Referee {
     shape: Shape,
     place: LineTracker,
     touching: BTreeSet<ActorId>,
@@ -24,7 +24,8 @@ pub(super) struct Referee {
 }
 
 impl Referee {
-    pub(super) fn new(shape: Shape) -> Self {
+    /// Referee of a drive that begins, of an ego with this outline.
+    pub fn new(shape: Shape) -> Self {
         Self {
             shape,
             place: LineTracker::default(),
@@ -34,7 +35,26 @@ impl Referee {
         }
     }
 
-    /// State of the world after the ego and the others have moved.
+    /// State of the world after the ego and the others have moved, in the frame of the scenario's map.
+    ///
+    /// # Errors
+    /// If a number is not finite or impossible on a road, or if the others are not ordered by identity, each once, from 1
+    /// on.
+    pub fn judge(
+        &mut self,
+        ego: EgoState,
+        others: &[Obstacle],
+        (scenario, route): (&Scenario, &Route),
+    ) -> anyhow::Result<WorldState> {
+        ensure!(
+            ego.is_plausible(),
+            "ego: expected finite numbers that are possible on a road, found {ego:?}"
+        );
+        check(others)?;
+        Ok(self.state(ego, others, (scenario, route)))
+    }
+
+    /// As [`judge`](Self::judge), of numbers that are checked.
     pub(super) fn state(
         &mut self,
         ego: EgoState,

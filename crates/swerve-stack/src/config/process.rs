@@ -36,6 +36,10 @@ pub struct ProcessConfig {
     /// Python interpreter with Swerve's package: a path from that folder, or a name; found automatically when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interpreter: Option<PathBuf>,
+    /// Keys of the Python class, of any name: it gets them in `begin(start)` as `start.keys`, and studies vary them.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub keys: toml::Table,
 }
 
 impl Default for ProcessConfig {
@@ -48,6 +52,7 @@ impl Default for ProcessConfig {
             start: Vec::new(),
             python: None,
             interpreter: None,
+            keys: toml::Table::new(),
         }
     }
 }
@@ -93,6 +98,10 @@ impl ProcessConfig {
             }
             None if self.interpreter.is_some() => {
                 told.push(("interpreter", "runs what `python` names: expected that as well".to_owned()));
+            }
+            None if !self.keys.is_empty() && self.start.is_empty() => {
+                let why = "are read by the class that `python` names: expected that as well";
+                told.push(("keys", why.to_owned()));
             }
             _ => {}
         }

@@ -42,7 +42,7 @@ const TICK: &str = "tick";
 const WINDOW_MAX: usize = 4096;
 
 /// Message type of this name, among those that operators of the registry read and publish.
-fn message(name: &str, registry: &Registry) -> Result<PayloadType, String> {
+pub(super) fn message(name: &str, registry: &Registry) -> Result<PayloadType, String> {
     let messages = registry.messages();
     let found = messages.iter().find(|message| message.name() == name);
     found.copied().ok_or_else(|| {
@@ -138,7 +138,7 @@ impl OperatorKind for Python {
 }
 
 /// Placeholder in a process that does not take the operator's steps.
-struct Elsewhere;
+pub(super) struct Elsewhere;
 
 impl AnyOperator for Elsewhere {
     fn step(&mut self, _: &mut Context<'_>, _: Vec<AnyInput>, _: &mut AnyOutputs<'_>) {

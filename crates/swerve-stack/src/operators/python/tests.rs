@@ -77,6 +77,10 @@ fn python_problems_are_reported_with_line_and_key() {
         ("outputs = { b = \"Box\" }", "c.toml:3: operator.o.outputs.b: unknown message `Box`"),
         ("inputs = { tick = \"EgoState\" }", "operator.o.inputs.tick: the timer's port has this name"),
         ("inputs = { \"a-b\" = \"EgoState\" }", "expected a name of letters, digits and underscores"),
+        (
+            "inputs = { a = \"EgoState\" }\ndeadline = { ms = 5.0, reaction = \"on_deadline\" }",
+            "c.toml:4: operator.o.deadline.reaction: an operator in Python has no answer to a missed deadline",
+        ),
         ("period_ms = 0.5", "c.toml:3: operator.o.period_ms: expected 1 to 10000, found 0.5"),
         ("input = { a = \"Image\" }", "operator.o.input: unknown key"),
         (
