@@ -71,7 +71,7 @@ impl<'a> Measured<'a> {
     /// these, and suppose the rest by class. Zero for other objects, for boxes without a covariance, whose centre has the
     /// error, and for unsure boxes that were turned, whose faces are supposed too.
     pub(super) fn shift(&self, from: Extent, to: Extent) -> Column2<f64> {
-        let has_faces = self.found.covariance_m2.is_some() && !(self.is_turned && !self.is_sure());
+        let has_faces = self.found.covariance_m2.is_some() && (self.is_sure() || !self.is_turned);
         if Group::of(self.found.kind) != Group::Vehicle || !has_faces {
             return Column2::zeros();
         }
