@@ -340,11 +340,8 @@ impl Logged {
             last = found;
         }
         let Some((tracked, ids)) = sightings.tracks(&tracks, last.stamp)? else { return Ok((steps, until)) };
-        steps.push((
-            Milestone::Tracked,
-            tracked.at,
-            timeline.waits(&tracks, last, tracked, "confirmation by"),
-        ));
+        let confirmed = timeline.waits(&tracks, last, tracked, "confirmation by");
+        steps.push((Milestone::Tracked, tracked.at, confirmed));
         if self.is_refused(&planner) {
             return Ok((steps, Until::Track));
         }

@@ -2,7 +2,8 @@ use std::collections::BTreeMap;
 
 use super::*;
 use crate::detector::{self, Detector, Sensing};
-use swerve_geom::Point2;
+
+use swerve_geom::{Ego, Point2};
 use swerve_msg::Obstacle;
 use swerve_msg::truth::Surroundings;
 
