@@ -24,6 +24,9 @@ const BEFORE_END_M: f64 = 10.0;
 /// Target speed by that of the start where the goal has no place.
 const FASTER: f64 = 1.25;
 
+/// Least share of the time until the goal's last step after which the ego is to be there.
+const LATE: f64 = 0.85;
+
 /// Distance of a target speed from the ends of the interval of a goal, m/s.
 const INSIDE_MPS: f64 = 0.5;
 
@@ -87,7 +90,8 @@ impl Scenario {
         }
         if let (Some([from_m, to_m]), true) = (way.goal_m, lasts_s > 0.0) {
             // The mean speed that is needed; the difference from the start is made up for.
-            let [least, most] = [from_m, to_m].map(|way_m| way_m / lasts_s);
+            let arrives_s = self.arrives_s(problem, lasts_s);
+            let [least, most] = [from_m, to_m].map(|way_m| way_m / arrives_s);
             let mean_mps = start_mps.clamp(least.min(most), most.max(least));
             target_mps = mean_mps + 0.4 * (mean_mps - start_mps);
         }
@@ -97,6 +101,13 @@ impl Scenario {
                 target_mps.clamp(speeds.from + inside, (speeds.to - inside).max(speeds.from + inside));
         }
         target_mps.clamp(SPEEDS_MPS[0], SPEEDS_MPS[1])
+    }
+
+    /// Time after which the ego is to be at the goal, seconds: the middle of the goal's time, but late.
+    fn arrives_s(&self, problem: &PlanningProblem, lasts_s: f64) -> f64 {
+        let first = problem.goals.iter().map(|goal| goal.steps.from).fold(f64::INFINITY, f64::min);
+        let first_s = (first - f64::from(problem.initial.step)) * self.step_s;
+        (0.5 * (first_s + lasts_s)).clamp(LATE * lasts_s, lasts_s)
     }
 
     /// Adds a road user from the step `from` on. Sets of occupied space are no motion and are left out.

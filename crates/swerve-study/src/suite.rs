@@ -251,7 +251,11 @@ fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> 
     }
     let mut seen = BTreeSet::new();
     paths.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
-    let stem = |path: &Path| path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let stem = |path: &Path| {
+        let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        // Of a packed file.
+        stem.strip_suffix(".xml").map_or_else(|| stem.clone(), str::to_owned)
+    };
     let is_only = |path: &Path| paths.iter().filter(|other| stem(other) == stem(path)).count() == 1;
     let label = |path: &PathBuf| if is_only(path) { stem(path) } else { path.display().to_string() };
     Ok(paths.iter().map(|path| (label(path), path.clone())).collect())
