@@ -46,7 +46,8 @@ pub(crate) fn followed(vehicle: &Vehicle, states: &[SolutionState], step_s: f64)
         let angle_rad = math::atan(curvature_1pm * vehicle.wheelbase_m());
         angle_rad.clamp(-vehicle.steering_max_rad, vehicle.steering_max_rad)
     };
-    let mut values = vehicle.values(Model::Ks, &SolutionState { steering_rad: steering(curvature(0)), ..*first });
+    let mut values =
+        vehicle.values(Model::Ks, &SolutionState { steering_rad: steering(curvature(0)), ..*first });
     let mut followed = vec![state(vehicle, first, &values)];
     for k in 0..states.len() - 1 {
         let (now, next) = (targets[k], targets[k + 1]);
@@ -148,9 +149,11 @@ mod tests {
             way_m += 0.5 * (speed_mps + next_mps) * step_s;
         }
         let states = followed(&vehicle, &drive, step_s);
-        let off_m = states.iter().zip(&drive).map(|(a, b)| a.position.distance(b.position)).fold(0.0, f64::max);
+        let off_m =
+            states.iter().zip(&drive).map(|(a, b)| a.position.distance(b.position)).fold(0.0, f64::max);
         assert!(off_m < 0.15, "{off_m}");
-        let driven = |model, states| Driven { problem: 1, model, vehicle: kind, cost: CostFunction::Sm1, states };
+        let driven =
+            |model, states| Driven { problem: 1, model, vehicle: kind, cost: CostFunction::Sm1, states };
         assert_eq!(misses(&driven(Model::Ks, states), step_s), []);
         assert!(!misses(&driven(Model::Ks, drive), step_s).is_empty(), "the drive itself slips");
     }

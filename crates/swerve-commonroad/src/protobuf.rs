@@ -74,7 +74,11 @@ pub fn xml_of_protobuf(bytes: &[u8]) -> Result<String, ProtobufError> {
     xml.raw("<?xml version=\"1.0\"?>\n");
     xml.open_with(
         "commonRoad",
-        &[("commonRoadVersion", version), ("benchmarkID", benchmark), ("timeStepSize", &format!("{step_s:?}"))],
+        &[
+            ("commonRoadVersion", version),
+            ("benchmarkID", benchmark),
+            ("timeStepSize", &format!("{step_s:?}")),
+        ],
     );
     for field in top.fields() {
         let field = field?;
@@ -172,10 +176,16 @@ fn problem(xml: &mut Writer, of: &Message<'_>) -> Done {
 /// A state; `lanelets` are the places of a goal.
 fn state(xml: &mut Writer, element: &str, of: &Message<'_>, lanelets: &[u64]) -> Done {
     // States of earlier definitions have four fields less before the time step.
-    let is_earlier = of.maybe(TIME_STEP, "time_step")?.is_none() && of.maybe(TIME_STEP - 4, "time_step")?.is_some();
+    let is_earlier =
+        of.maybe(TIME_STEP, "time_step")?.is_none() && of.maybe(TIME_STEP - 4, "time_step")?.is_some();
     let (time_step, acceleration) = if is_earlier { (TIME_STEP - 4, 32) } else { (TIME_STEP, 34) };
-    let values =
-        [(3, "orientation"), (4, "velocity"), (acceleration, "acceleration"), (7, "yawRate"), (8, "slipAngle")];
+    let values = [
+        (3, "orientation"),
+        (4, "velocity"),
+        (acceleration, "acceleration"),
+        (7, "yawRate"),
+        (8, "slipAngle"),
+    ];
     xml.open(element);
     let (at, area) = (of.maybe(1, "point")?, of.maybe(2, "shape")?);
     if at.is_some() || area.is_some() || !lanelets.is_empty() {
@@ -251,7 +261,9 @@ fn shape(xml: &mut Writer, of: &Message<'_>, depth: usize) -> Done {
                 xml.close("polygon");
             }
             4 if depth == GROUPS_MAX => {
-                return Err(field.fault(&format!("expected at most {GROUPS_MAX} groups of shapes in each other")));
+                return Err(
+                    field.fault(&format!("expected at most {GROUPS_MAX} groups of shapes in each other"))
+                );
             }
             4 => {
                 for one in field.message("shape_group")?.all(1, "shapes") {

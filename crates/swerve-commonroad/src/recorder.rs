@@ -110,7 +110,8 @@ impl Recorder {
     pub fn solution(&self, model: Model) -> Option<Solution> {
         let problem = self.scenario.problems.first()?;
         let reaches = |state: &SolutionState| self.scenario.reaches(problem, state);
-        let up_to_goal = |states: &[SolutionState]| states.iter().position(reaches).map_or(states.len(), |k| k + 1);
+        let up_to_goal =
+            |states: &[SolutionState]| states.iter().position(reaches).map_or(states.len(), |k| k + 1);
         let states = match model {
             Model::Ks => {
                 let mut states = followed(&self.kind.vehicle(), &self.states, self.scenario.step_s);

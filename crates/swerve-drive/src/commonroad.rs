@@ -11,8 +11,8 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::Vector2;
 use swerve_msg::truth::WorldState;
 use swerve_stack::pipeline::Pipeline;
-use swerve_vehicle::VehicleParams;
 use swerve_text::{Document, Problem, read_bytes, unpacked};
+use swerve_vehicle::VehicleParams;
 
 /// Largest file, bytes.
 const BYTES_MAX: u64 = 256 << 20;
@@ -169,7 +169,8 @@ impl Solving {
             false => check(scenario, &solution).failures,
         };
         let first_and_last = solution.driven.first().map(|one| (one.states.first(), one.states.last()));
-        let steps = first_and_last.and_then(|(first, last)| Some(last?.step - first?.step)).unwrap_or_default();
+        let steps =
+            first_and_last.and_then(|(first, last)| Some(last?.step - first?.step)).unwrap_or_default();
         let until_s = f64::from(steps) * scenario.step_s;
         // Where the goal is reached before the collision, the solution ends.
         let hit = hit.filter(|hit| hit.at_s <= until_s);
@@ -227,7 +228,9 @@ mod tests {
 
     #[test]
     fn files_are_recognised_by_their_names() {
-        for (name, expected) in [("a.xml", true), ("a.cr.XML.gz", true), ("a.pb", true), ("a.toml", false), ("xml", false)] {
+        for (name, expected) in
+            [("a.xml", true), ("a.cr.XML.gz", true), ("a.pb", true), ("a.toml", false), ("xml", false)]
+        {
             assert_eq!(is_scenario(Path::new(name)), expected, "{name}");
         }
     }

@@ -184,9 +184,10 @@ impl Reacting {
             return None;
         }
         let corners = body.corners().map(project);
-        let [from_m, low_m, high_m] = corners.iter().fold([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY], |all, at| {
-            [all[0].min(at.s_m), all[1].min(at.d_m), all[2].max(at.d_m)]
-        });
+        let [from_m, low_m, high_m] =
+            corners.iter().fold([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY], |all, at| {
+                [all[0].min(at.s_m), all[1].min(at.d_m), all[2].max(at.d_m)]
+            });
         let reach_m = self.half_width_m + BESIDE_M;
         let along = self.path.line.at(middle.s_m).pose.direction();
         let is_ahead = low_m <= reach_m && high_m >= -reach_m;
@@ -211,10 +212,15 @@ impl Reacting {
         let ego = self.gap(s_m, own, &view.ego, Vector2::new(x, y));
         let is_replayed = self.behind.is_none();
         let others = view.world.actors.iter().filter(|actor| {
-            actor.id != view.own && !is_parked(actor.pose) && !(is_replayed && self.is_as_recorded(actor, at_s))
+            actor.id != view.own
+                && !is_parked(actor.pose)
+                && !(is_replayed && self.is_as_recorded(actor, at_s))
         });
         let others = others.filter_map(|actor| self.gap(s_m, own, &actor.footprint(), actor.velocity_mps));
-        let wanted = ego.into_iter().chain(others).map(|lead| IDM.acceleration_mps2(speed_mps, self.free_mps, Some(lead)));
+        let wanted = ego
+            .into_iter()
+            .chain(others)
+            .map(|lead| IDM.acceleration_mps2(speed_mps, self.free_mps, Some(lead)));
         let wanted_mps2 = wanted.reduce(f64::min);
         let accel_mps2 = match (self.behind, wanted_mps2) {
             (None, None) => return,
@@ -264,4 +270,3 @@ impl Driver for Reacting {
         Some(Movement { pose, velocity_mps: pose.direction() * own.speed_mps })
     }
 }
-

@@ -70,7 +70,12 @@ pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
     let stands = metrics.actors.iter().find(|actor| Some(actor.actor) == metrics.stands_before);
     let stands = stands.map(|actor| (STANDS_BEFORE.to_owned(), actor.name.clone()));
     let at_fault = metrics.impact.map(|impact| (AT_FAULT.to_owned(), impact.at_fault.to_string()));
-    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").chain(stands).chain(at_fault).collect()
+    all.into_iter()
+        .filter_map(text)
+        .filter(|(name, _)| name != "verdict")
+        .chain(stands)
+        .chain(at_fault)
+        .collect()
 }
 
 /// Numeric metrics of a run by their names in `metrics.json`, without those that have fixed columns and those in lists

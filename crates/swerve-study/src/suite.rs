@@ -339,7 +339,9 @@ fn collisions_text(results: &[Option<CellResult>]) -> String {
     match (faults.len(), faults.iter().filter(|at_fault| !**at_fault).count()) {
         (0, _) => String::new(),
         (all, 0) => format!("collisions: {all} drives, all at fault\n"),
-        (all, free) => format!("collisions: {all} drives, {free} of them not at fault: hit from behind, or at rest\n"),
+        (all, free) => {
+            format!("collisions: {all} drives, {free} of them not at fault: hit from behind, or at rest\n")
+        }
     }
 }
 
@@ -412,10 +414,14 @@ mod tests {
         let result = |at_fault: Option<bool>| {
             let cell = crate::table::tests::study().cells[0].clone();
             let mut result = CellResult::blank(&cell, "collision");
-            result.texts.extend(at_fault.map(|at_fault| (crate::columns::AT_FAULT.to_owned(), at_fault.to_string())));
+            result
+                .texts
+                .extend(at_fault.map(|at_fault| (crate::columns::AT_FAULT.to_owned(), at_fault.to_string())));
             Some(result)
         };
-        let text = |faults: &[Option<bool>]| collisions_text(&faults.iter().copied().map(result).collect::<Vec<_>>());
+        let text = |faults: &[Option<bool>]| {
+            collisions_text(&faults.iter().copied().map(result).collect::<Vec<_>>())
+        };
         assert_eq!(text(&[None, None]), "");
         assert_eq!(text(&[Some(true), None]), "collisions: 1 drives, all at fault\n");
         let wanted = "collisions: 3 drives, 2 of them not at fault: hit from behind, or at rest\n";

@@ -96,7 +96,8 @@ pub(super) fn lanelet(xml: &mut Writer, of: &Message<'_>) -> Done {
             point(xml, "point", &at?)?;
         }
         xml.leaf("lineMarking", "solid");
-        let named = [(3, "traffic_sign_refs", "trafficSignRef"), (4, "traffic_light_refs", "trafficLightRef")];
+        let named =
+            [(3, "traffic_sign_refs", "trafficSignRef"), (4, "traffic_light_refs", "trafficLightRef")];
         refs(xml, &line, &named)?;
         xml.close("stopLine");
     }

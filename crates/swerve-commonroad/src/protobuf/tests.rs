@@ -100,7 +100,10 @@ fn damaged_files_are_refused_with_place_and_expectation() {
     let cut = message(&whole_file[..whole_file.len() - 3]);
     assert!(cut.contains("more bytes, found") && cut.contains("the file is cut off"), "{cut}");
     let nan = message(&scenario(f64::NAN));
-    assert!(nan.contains("dynamic_obstacles.shape.rectangle.length: expected a finite number, found NaN"), "{nan}");
+    assert!(
+        nan.contains("dynamic_obstacles.shape.rectangle.length: expected a finite number, found NaN"),
+        "{nan}"
+    );
     assert_eq!(message(&[]), "byte 0: information: is missing");
     let xml = message(b"<?xml version=\"1.0\"?><commonRoad/>");
     assert!(xml.contains("no scenario in the protobuf format"), "{xml}");

@@ -73,7 +73,9 @@ impl<'a> Field<'a> {
 
     fn number(&self, name: &'a str) -> Result<f64, ProtobufError> {
         let named = Self { name: self.name.with(name), ..*self };
-        let Value::Fixed64(bytes) = self.value else { return Err(named.fault("expected a number of 64 bits")) };
+        let Value::Fixed64(bytes) = self.value else {
+            return Err(named.fault("expected a number of 64 bits"));
+        };
         let value = f64::from_le_bytes(bytes);
         match value.is_finite() {
             true => Ok(value),
@@ -98,7 +100,9 @@ impl<'a> Fields<'a> {
         let mut value = 0_u64;
         for k in 0..VARINT_MAX {
             let Some(byte) = self.message.bytes.get(self.next) else {
-                return Err(self.fault("expected more bytes: the file is cut off, or no scenario in the protobuf format"));
+                return Err(self.fault(
+                    "expected more bytes: the file is cut off, or no scenario in the protobuf format",
+                ));
             };
             self.next += 1;
             value |= u64::from(byte & 0x7f).wrapping_shl(7 * k as u32);
@@ -143,7 +147,9 @@ impl<'a> Fields<'a> {
                 Value::Fixed32
             }
             other => {
-                return Err(self.fault(&format!("expected a field of type 0, 1, 2 or 5, found {other}: no scenario in the protobuf format")));
+                return Err(self.fault(&format!(
+                    "expected a field of type 0, 1, 2 or 5, found {other}: no scenario in the protobuf format"
+                )));
             }
         };
         Ok(Field { number: key >> 3, value, at, name: self.message.name })
@@ -249,7 +255,9 @@ impl<'a> Message<'a> {
                         all.push(packed.varint()?);
                     }
                 }
-                _ => return Err(Field { name: field.name.with(name), ..field }.fault("expected whole numbers")),
+                _ => {
+                    return Err(Field { name: field.name.with(name), ..field }.fault("expected whole numbers"));
+                }
             }
         }
         Ok(all)
@@ -269,7 +277,11 @@ impl<'a> Message<'a> {
     pub(super) fn texts(self, number: u64, name: &'a str) -> Result<Vec<&'a str>, ProtobufError> {
         let messages: Result<Vec<Self>, ProtobufError> = self.all(number, name).collect();
         let text = |one: Self| {
-            let fault = || ProtobufError { at: one.at, field: one.name.text(), message: "expected a text in UTF-8".to_owned() };
+            let fault = || ProtobufError {
+                at: one.at,
+                field: one.name.text(),
+                message: "expected a text in UTF-8".to_owned(),
+            };
             core::str::from_utf8(one.bytes).map_err(|_| fault())
         };
         messages?.into_iter().map(text).collect()
@@ -293,7 +305,9 @@ impl Writer {
     pub(super) fn within_limit(&self, field: &Field<'_>) -> Result<(), ProtobufError> {
         match self.0.len() <= TEXT_MAX {
             true => Ok(()),
-            false => Err(field.fault(&format!("expected a scenario of at most {} MiB as XML", TEXT_MAX >> 20))),
+            false => {
+                Err(field.fault(&format!("expected a scenario of at most {} MiB as XML", TEXT_MAX >> 20)))
+            }
         }
     }
 

@@ -85,7 +85,8 @@ fn car_catches_up_with_its_recording_and_is_never_ahead_of_it() {
     let slow_then_fast = |at_s: f64| if at_s < 4.0 { 6.0 } else { 25.0 };
     let states = states(&among(&cars, true), slow_then_fast);
     assert_eq!(hits(&states), 0);
-    let behind_m = |state: &WorldState| 70.0 + 10.0 * (state.stamp - Time::ZERO).as_secs() - car(state, 0).pose.x_m;
+    let behind_m =
+        |state: &WorldState| 70.0 + 10.0 * (state.stamp - Time::ZERO).as_secs() - car(state, 0).pose.x_m;
     let most_m = states.iter().map(behind_m).fold(0.0, f64::max);
     assert!(most_m > 1.0, "{most_m}");
     assert!(states.iter().all(|state| behind_m(state) > -1e-6));
