@@ -2,6 +2,8 @@
 //! brakes at once and stands. `cargo run --release -p swerve-commonroad --example baselines -- DIR` prints a line for
 //! each scenario below the folder, and the sums.
 
+#![expect(clippy::print_stdout, reason = "its output")]
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 

@@ -21,6 +21,9 @@ const SPEEDS_MPS: [f64; 2] = [1.0, 60.0];
 /// Distance that remains to the end of the map, metres.
 const BEFORE_END_M: f64 = 10.0;
 
+/// Largest coordinate of a road user: the limit of scenarios, less the size of any shape, metres.
+const FAR_M: f64 = 99_000.0;
+
 /// Target speed by that of the start where the goal has no place.
 const FASTER: f64 = 1.25;
 
@@ -43,10 +46,14 @@ impl Scenario {
     /// Text (TOML) of a scenario of Swerve with the first planning problem, on the map file `map`.
     ///
     /// # Errors
-    /// [`NoWay`] without a planning problem or lanelets, or if no way over lanelets leads from the start to the goal.
+    /// [`NoWay`] without a planning problem or lanelets, if no way over lanelets leads from the start to the goal, or with
+    /// road users more than 100 km from the origin.
     pub fn to_toml(&self, map: &str) -> Result<String, NoWay> {
         let problem = self.problems.first().ok_or(NoWay::NoProblem)?;
         let roads = self.roads.as_ref().ok_or(NoWay::NoLanelets)?;
+        if self.obstacles.iter().any(is_far) {
+            return Err(NoWay::Far);
+        }
         let way = way::find(self, problem, &roads.lanes.map)?;
         let lane = |stop: &Stop| {
             let name = roads.lanes.name(stop.lane);
@@ -163,6 +170,16 @@ impl Scenario {
             headings.join(", "),
         );
     }
+}
+
+/// True if a place of a road user is beyond those that scenarios can have.
+fn is_far(obstacle: &Obstacle) -> bool {
+    let states = match &obstacle.motion {
+        Motion::Trajectory(states) => &states[..],
+        Motion::Static | Motion::Sets(_) => &[],
+    };
+    let mut places = core::iter::once(&obstacle.initial).chain(states).map(|state| state.position);
+    places.any(|at| at.x_m.abs().max(at.y_m.abs()) > FAR_M)
 }
 
 /// Centre and heading of the shape of a road user.

@@ -256,7 +256,9 @@ impl<'a> Message<'a> {
                     }
                 }
                 _ => {
-                    return Err(Field { name: field.name.with(name), ..field }.fault("expected whole numbers"));
+                    return Err(
+                        Field { name: field.name.with(name), ..field }.fault("expected whole numbers")
+                    );
                 }
             }
         }
