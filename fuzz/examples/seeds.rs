@@ -38,6 +38,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
         ("segmentation_weights", "crates/swerve-vision/segmentations", "weights"),
         ("prediction_weights", "crates/swerve-prediction/weights", "weights"),
+        ("commonroad", "crates/swerve-commonroad/src/read/tests", "xml"),
         ("lanelets", "crates/swerve-map-io/src/commonroad/tests", "xml"),
         ("lanelet2", "crates/swerve-map-io/maps", "osm"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),

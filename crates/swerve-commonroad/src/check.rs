@@ -10,7 +10,6 @@ use std::collections::BTreeSet;
 use swerve_geom::{Obb, Pose2, shared_area_m2};
 
 use crate::feasible::{Miss, misses};
-use crate::problem::Reaching;
 use crate::{
     Driven, Goal, GoalPosition, Model, PlanningProblem, Road, Scenario, Shape, Solution, SolutionState,
 };
@@ -176,14 +175,7 @@ fn unsolved(scenario: &Scenario, solution: &Solution) -> Option<Failure> {
 }
 
 fn goal(scenario: &Scenario, problem: &PlanningProblem, driven: &Driven) -> Option<Failure> {
-    let reaching = |state: &SolutionState| Reaching {
-        step: state.step,
-        position: state.position,
-        heading_rad: state.heading_rad,
-        speed_mps: state.speed_mps,
-    };
-    let is_reached = |state| problem.goals.iter().any(|goal| scenario.fulfils(goal, &reaching(state)));
-    if driven.states.iter().any(is_reached) {
+    if driven.states.iter().any(|state| scenario.reaches(problem, state)) {
         return None;
     }
     let mut nearest: Option<(f64, Failure)> = None;

@@ -21,8 +21,14 @@ const SPEEDS_MPS: [f64; 2] = [1.0, 60.0];
 /// Distance that remains to the end of the map, metres.
 const BEFORE_END_M: f64 = 10.0;
 
+/// Largest coordinate of a road user: the limit of scenarios, less the size of any shape, metres.
+const FAR_M: f64 = 99_000.0;
+
 /// Target speed by that of the start where the goal has no place.
 const FASTER: f64 = 1.25;
+
+/// Least share of the time until the goal's last step after which the ego is to be there.
+const LATE: f64 = 0.85;
 
 /// Distance of a target speed from the ends of the interval of a goal, m/s.
 const INSIDE_MPS: f64 = 0.5;
@@ -40,10 +46,14 @@ impl Scenario {
     /// Text (TOML) of a scenario of Swerve with the first planning problem, on the map file `map`.
     ///
     /// # Errors
-    /// [`NoWay`] without a planning problem or lanelets, or if no way over lanelets leads from the start to the goal.
+    /// [`NoWay`] without a planning problem or lanelets, if no way over lanelets leads from the start to the goal, or with
+    /// road users more than 100 km from the origin.
     pub fn to_toml(&self, map: &str) -> Result<String, NoWay> {
         let problem = self.problems.first().ok_or(NoWay::NoProblem)?;
         let roads = self.roads.as_ref().ok_or(NoWay::NoLanelets)?;
+        if self.obstacles.iter().any(is_far) {
+            return Err(NoWay::Far);
+        }
         let way = way::find(self, problem, &roads.lanes.map)?;
         let lane = |stop: &Stop| {
             let name = roads.lanes.name(stop.lane);
@@ -87,7 +97,8 @@ impl Scenario {
         }
         if let (Some([from_m, to_m]), true) = (way.goal_m, lasts_s > 0.0) {
             // The mean speed that is needed; the difference from the start is made up for.
-            let [least, most] = [from_m, to_m].map(|way_m| way_m / lasts_s);
+            let arrives_s = self.arrives_s(problem, lasts_s);
+            let [least, most] = [from_m, to_m].map(|way_m| way_m / arrives_s);
             let mean_mps = start_mps.clamp(least.min(most), most.max(least));
             target_mps = mean_mps + 0.4 * (mean_mps - start_mps);
         }
@@ -97,6 +108,13 @@ impl Scenario {
                 target_mps.clamp(speeds.from + inside, (speeds.to - inside).max(speeds.from + inside));
         }
         target_mps.clamp(SPEEDS_MPS[0], SPEEDS_MPS[1])
+    }
+
+    /// Time after which the ego is to be at the goal, seconds: the middle of the goal's time, but late.
+    fn arrives_s(&self, problem: &PlanningProblem, lasts_s: f64) -> f64 {
+        let first = problem.goals.iter().map(|goal| goal.steps.from).fold(f64::INFINITY, f64::min);
+        let first_s = (first - f64::from(problem.initial.step)) * self.step_s;
+        (0.5 * (first_s + lasts_s)).clamp(LATE * lasts_s, lasts_s)
     }
 
     /// Adds a road user from the step `from` on. Sets of occupied space are no motion and are left out.
@@ -152,6 +170,16 @@ impl Scenario {
             headings.join(", "),
         );
     }
+}
+
+/// True if a place of a road user is beyond those that scenarios can have.
+fn is_far(obstacle: &Obstacle) -> bool {
+    let states = match &obstacle.motion {
+        Motion::Trajectory(states) => &states[..],
+        Motion::Static | Motion::Sets(_) => &[],
+    };
+    let mut places = core::iter::once(&obstacle.initial).chain(states).map(|state| state.position);
+    places.any(|at| at.x_m.abs().max(at.y_m.abs()) > FAR_M)
 }
 
 /// Centre and heading of the shape of a road user.

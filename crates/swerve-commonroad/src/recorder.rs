@@ -2,7 +2,7 @@
 
 use swerve_geom::{Pose2, Vector2, angle_between, math};
 
-use crate::problem::Reaching;
+use crate::kinematic::followed;
 use crate::{CostFunction, Driven, Model, Scenario, Solution, SolutionState, VehicleKind};
 
 /// Speed below which a vehicle has no slip angle, m/s: its course is not defined.
@@ -102,30 +102,37 @@ impl Recorder {
         states
     }
 
-    /// The solution up to the first state that reaches a goal, or with all states if none does, as a single track;
-    /// `None` with fewer than two states or without a planning problem.
-    pub fn solution(&self) -> Option<Solution> {
+    /// The solution up to the first state that reaches a goal, or with all states if none does; `None` with fewer than
+    /// two states or without a planning problem.
+    ///
+    /// With [`Model::St`] the states are those of the drive. With [`Model::Ks`] they are those of the kinematic vehicle
+    /// that follows the drive.
+    pub fn solution(&self, model: Model) -> Option<Solution> {
         let problem = self.scenario.problems.first()?;
-        let reaches = |state: &SolutionState| {
-            let reaching = Reaching {
-                step: state.step,
-                position: state.position,
-                heading_rad: state.heading_rad,
-                speed_mps: state.speed_mps,
-            };
-            problem.goals.iter().any(|goal| self.scenario.fulfils(goal, &reaching))
+        let reaches = |state: &SolutionState| self.scenario.reaches(problem, state);
+        let up_to_goal =
+            |states: &[SolutionState]| states.iter().position(reaches).map_or(states.len(), |k| k + 1);
+        let states = match model {
+            Model::Ks => {
+                let mut states = followed(&self.kind.vehicle(), &self.states, self.scenario.step_s);
+                states.truncate(up_to_goal(&states));
+                states
+            }
+            Model::St | Model::Pm => self.smoothed(up_to_goal(&self.states)),
         };
-        let count = self.states.iter().position(reaches).map_or(self.states.len(), |k| k + 1);
-        let states = self.smoothed(count);
-        let driven = Driven {
-            problem: problem.id,
-            model: Model::St,
-            vehicle: self.kind,
-            cost: CostFunction::Sm1,
-            states,
-        };
+        let is_drive = states.len() > 1;
+        let model = if model == Model::Ks { Model::Ks } else { Model::St };
+        let driven =
+            Driven { problem: problem.id, model, vehicle: self.kind, cost: CostFunction::Sm1, states };
         let solution = Solution { benchmark: self.scenario.benchmark.clone(), driven: vec![driven] };
-        (count > 1).then_some(solution)
+        is_drive.then_some(solution)
+    }
+
+    /// Largest distance of a solution from the drive, metres.
+    pub fn off_m(&self, solution: &Solution) -> f64 {
+        let states = solution.driven.iter().flat_map(|driven| &driven.states);
+        let off = states.zip(&self.states).map(|(state, own)| state.position.distance(own.position));
+        off.fold(0.0, f64::max)
     }
 }
 
@@ -150,10 +157,14 @@ mod tests {
                     steering_rad: 0.0,
                 });
             }
-            let solution = recorder.solution().unwrap();
-            let verdict = check(recorder.scenario(), &solution);
-            assert_eq!(verdict.is_valid(), is_valid, "{verdict}");
-            assert_eq!(solution.driven[0].states.len(), if is_valid { 11 } else { 5 });
+            for model in [Model::St, Model::Ks] {
+                let solution = recorder.solution(model).unwrap();
+                let verdict = check(recorder.scenario(), &solution);
+                assert_eq!(verdict.is_valid(), is_valid, "{verdict}");
+                assert_eq!(solution.driven[0].model, model);
+                assert_eq!(solution.driven[0].states.len(), if is_valid { 11 } else { 5 });
+                assert!(recorder.off_m(&solution) < 1e-6);
+            }
         }
     }
 }

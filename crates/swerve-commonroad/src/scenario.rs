@@ -7,7 +7,7 @@ use swerve_map_io::Problems;
 use swerve_map_io::commonroad::Commonroad;
 
 use crate::problem::Reaching;
-use crate::{Goal, GoalPosition, Obstacle, PlanningProblem, Shape};
+use crate::{Goal, GoalPosition, Motion, Obstacle, PlanningProblem, Shape, SolutionState};
 
 /// Bounds of a lanelet as in the file, and its place among the others.
 #[derive(Clone, PartialEq, Debug)]
@@ -83,6 +83,25 @@ impl Scenario {
             && goal.steps.contains(f64::from(state.step))
             && goal.heading_rad.is_none_or(|headings| headings.contains_heading(state.heading_rad))
             && goal.speed_mps.is_none_or(|speeds| speeds.contains(state.speed_mps))
+    }
+
+    /// True if a state of a solution fulfils a goal of the problem.
+    pub fn reaches(&self, problem: &PlanningProblem, state: &SolutionState) -> bool {
+        let reaching = Reaching {
+            step: state.step,
+            position: state.position,
+            heading_rad: state.heading_rad,
+            speed_mps: state.speed_mps,
+        };
+        problem.goals.iter().any(|goal| self.fulfils(goal, &reaching))
+    }
+
+    /// The scenario without the road users that have a trajectory.
+    #[must_use]
+    pub fn without_trajectories(&self) -> Self {
+        let mut scenario = self.clone();
+        scenario.obstacles.retain(|obstacle| !matches!(obstacle.motion, Motion::Trajectory(_)));
+        scenario
     }
 
     /// The planning problem of an identity.

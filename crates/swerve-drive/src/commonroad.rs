@@ -4,13 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::anyhow;
-use swerve_commonroad::{Ego, Recorder, Scenario, check};
+use swerve_commonroad::{Ego, Failure, Model, Recorder, Scenario, check, xml_of_protobuf};
 use swerve_core::Span;
+use swerve_eval::Impact;
 use swerve_flow::{Event, Observer};
 use swerve_geom::Vector2;
 use swerve_msg::truth::WorldState;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, Problem, read_bytes, unpacked};
+use swerve_vehicle::VehicleParams;
 
 /// Largest file, bytes.
 const BYTES_MAX: u64 = 256 << 20;
@@ -19,20 +21,47 @@ const BYTES_MAX: u64 = 256 << 20;
 const SHOWN: usize = 20;
 
 /// Ends of file names.
-const ENDS: [&str; 2] = [".xml", ".xml.gz"];
+const ENDS: [&str; 3] = [".xml", ".xml.gz", PROTOBUF];
+
+/// End of the names of files in the protobuf format.
+const PROTOBUF: &str = ".pb";
 
 /// Option of a run on a scenario of CommonRoad.
 #[derive(clap::Args, Clone, Debug)]
 pub struct SolutionArgs {
-    /// Write the solution of a CommonRoad scenario (model ST2) to this file, and print whether it is valid
+    /// Write the solution of a CommonRoad scenario to this file, and print whether it is valid
     #[arg(long, value_name = "FILE")]
     pub solution: Option<PathBuf>,
+    /// Vehicle model of the solution
+    #[arg(long, value_enum, value_name = "MODEL", requires = "solution", default_value_t)]
+    pub solution_model: SolutionModel,
+}
+
+/// Model of a solution; the vehicle is a BMW 320i (number 2).
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum SolutionModel {
+    /// Single track with tyre slip, ST2: the drive itself
+    #[default]
+    St,
+    /// Kinematic single track, KS2: it follows the drive
+    Ks,
 }
 
 /// True if a path has the name of a CommonRoad scenario.
 pub fn is_scenario(path: &Path) -> bool {
-    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase());
-    name.is_some_and(|name| ENDS.iter().any(|end| name.ends_with(end)))
+    ENDS.iter().any(|end| ends_with(path, end))
+}
+
+/// Reason for which a file is refused by its name; `None` for most.
+pub(crate) fn refusal(path: &Path) -> Option<String> {
+    let is_pickle = [".pickle", ".pkl"].iter().any(|end| ends_with(path, end));
+    is_pickle.then(|| {
+        "expected a scenario (TOML, or CommonRoad as .xml, .xml.gz or .pb), found a pickle: to read one may run code".to_owned()
+    })
+}
+
+fn ends_with(path: &Path, end: &str) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(end))
 }
 
 /// The scenarios of CommonRoad below a folder, sorted by path: XML files with its root element.
@@ -45,9 +74,16 @@ pub fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Text of a file, unpacked.
-pub(crate) fn read_text(path: &Path) -> std::io::Result<String> {
-    unpacked(read_bytes(path, BYTES_MAX)?).map_err(std::io::Error::other)
+/// Text of a file, unpacked, in XML.
+///
+/// # Errors
+/// If the file cannot be read, or is not in the format of its name.
+pub fn read_text(path: &Path) -> std::io::Result<String> {
+    let bytes = read_bytes(path, BYTES_MAX)?;
+    match ends_with(path, PROTOBUF) {
+        true => xml_of_protobuf(&bytes).map_err(std::io::Error::other),
+        false => unpacked(bytes).map_err(std::io::Error::other),
+    }
 }
 
 fn text(path: &Path) -> Result<String, String> {
@@ -83,7 +119,8 @@ pub(crate) fn map_of(path: &Path) -> Option<Arc<str>> {
 #[derive(Debug)]
 pub struct Solving {
     recorder: Recorder,
-    file: PathBuf,
+    model: Model,
+    file: Option<PathBuf>,
     /// Distance of the centre of gravity from the rear axle, metres.
     cg_ahead_m: f64,
 }
@@ -97,13 +134,49 @@ impl Solving {
         let Some(file) = args.solution.clone() else { return Ok(None) };
         anyhow::ensure!(
             is_scenario(scenario),
-            "--solution: expected a scenario of CommonRoad (.xml or .xml.gz), found {}",
+            "--solution: expected a scenario of CommonRoad (.xml, .xml.gz or .pb), found {}",
             scenario.display()
         );
-        let vehicle = &pipeline.vehicle;
-        let cg_ahead_m = vehicle.cg_to_rear_m();
         let recorder = Recorder::new(read(scenario).map_err(|message| anyhow!(message))?);
-        Ok(Some(Self { recorder, file, cg_ahead_m }))
+        let model = match args.solution_model {
+            SolutionModel::St => Model::St,
+            SolutionModel::Ks => Model::Ks,
+        };
+        Ok(Some(Self { recorder, model, file: Some(file), cg_ahead_m: pipeline.vehicle.cg_to_rear_m() }))
+    }
+
+    /// Records the drive of this vehicle through a scenario of CommonRoad, without a file; `None` for other scenarios.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn of_drive(scenario: &Path, vehicle: &VehicleParams) -> anyhow::Result<Option<Self>> {
+        if !is_scenario(scenario) {
+            return Ok(None);
+        }
+        let recorder = Recorder::new(read(scenario).map_err(|message| anyhow!(message))?);
+        Ok(Some(Self { recorder, model: Model::St, file: None, cg_ahead_m: vehicle.cg_to_rear_m() }))
+    }
+
+    /// Reasons for which the drive does not solve the planning problem; empty if it does. `hit` is a collision of the
+    /// ego: with road users that react, it counts in place of the recorded ones, which may be elsewhere.
+    pub fn broken(&self, hit: Option<&Impact>, reacts: bool) -> Vec<String> {
+        let Some(solution) = self.recorder.solution(self.model) else {
+            return vec!["the drive has fewer than two time steps".to_owned()];
+        };
+        let scenario = self.recorder.scenario();
+        let failures = match reacts {
+            true => check(&scenario.without_trajectories(), &solution).failures,
+            false => check(scenario, &solution).failures,
+        };
+        let first_and_last = solution.driven.first().map(|one| (one.states.first(), one.states.last()));
+        let steps =
+            first_and_last.and_then(|(first, last)| Some(last?.step - first?.step)).unwrap_or_default();
+        let until_s = f64::from(steps) * scenario.step_s;
+        // Where the goal is reached before the collision, the solution ends.
+        let hit = hit.filter(|hit| hit.at_s <= until_s);
+        let is_hit = failures.iter().any(|failure| matches!(failure, Failure::Obstacle { .. }));
+        let hit = hit.filter(|_| !is_hit).map(|hit| format!("collision after {:.2} s", hit.at_s));
+        failures.iter().map(Failure::to_string).chain(hit).collect()
     }
 
     /// Writes the solution; returns lines with its verdict.
@@ -111,12 +184,17 @@ impl Solving {
     /// # Errors
     /// If the drive is shorter than two time steps, or the file cannot be written.
     pub fn write(&self) -> anyhow::Result<String> {
-        let solution = self.recorder.solution();
+        let solution = self.recorder.solution(self.model);
         let solution =
             solution.ok_or_else(|| anyhow!("--solution: the drive has fewer than two time steps"))?;
-        swerve_report::files::write_whole(&self.file, solution.to_xml().as_bytes())?;
         let verdict = check(self.recorder.scenario(), &solution);
-        Ok(format!("solution {}: {verdict}\n", self.file.display()))
+        let Some(file) = &self.file else { return Ok(format!("solution: {verdict}\n")) };
+        swerve_report::files::write_whole(file, solution.to_xml().as_bytes())?;
+        let off = match self.model {
+            Model::Ks => format!("; at most {:.2} m from the drive", self.recorder.off_m(&solution)),
+            Model::St | Model::Pm => String::new(),
+        };
+        Ok(format!("solution {}: {verdict}{off}\n", file.display()))
     }
 }
 
@@ -150,7 +228,9 @@ mod tests {
 
     #[test]
     fn files_are_recognised_by_their_names() {
-        for (name, expected) in [("a.xml", true), ("a.cr.XML.gz", true), ("a.toml", false), ("xml", false)] {
+        for (name, expected) in
+            [("a.xml", true), ("a.cr.XML.gz", true), ("a.pb", true), ("a.toml", false), ("xml", false)]
+        {
             assert_eq!(is_scenario(Path::new(name)), expected, "{name}");
         }
     }
@@ -169,6 +249,44 @@ mod tests {
         assert!(parked.track().is_none() && parked.kind == swerve_msg::ActorKind::Static);
         assert_eq!(car.track().map(|track| track.poses.len()), Some(3));
         assert_eq!(scenario.drawn(7).ego, scenario.ego, "recorded road users do not know of draws");
+    }
+
+    #[test]
+    fn pickle_is_refused_by_its_name() {
+        let error = crate::read_scenario(Path::new("missing/tracks.pkl")).unwrap_err().to_string();
+        assert!(error.starts_with("missing/tracks.pkl: ") && error.contains("found a pickle"), "{error}");
+    }
+
+    #[test]
+    fn solution_is_judged_by_the_drive_where_road_users_react() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("small.xml");
+        std::fs::write(&path, SMALL).unwrap();
+        assert!(Solving::of_drive(Path::new("lane.toml"), &VehicleParams::default()).unwrap().is_none());
+        let mut solving = Solving::of_drive(&path, &VehicleParams::default()).unwrap().unwrap();
+        assert_eq!(solving.broken(None, false), ["the drive has fewer than two time steps"]);
+        let back_m = 1.423;
+        for k in 0..30 {
+            solving.recorder.push(&Ego {
+                pose: swerve_geom::Pose2::new(20.0 - back_m + f64::from(k), 1.5, 0.0),
+                velocity_mps: Vector2::new(10.0, 0.0),
+                yaw_rate_radps: 0.0,
+                steering_rad: 0.0,
+            });
+        }
+        let hit = |at_s| Impact {
+            actor: swerve_msg::ActorId(2),
+            at_s,
+            ego_speed_mps: 10.0,
+            closing_speed_mps: 1.0,
+            impulse_n_s: 0.0,
+            at_fault: true,
+        };
+        let none: [&str; 0] = [];
+        assert_eq!(solving.broken(None, false), none);
+        // The goal is reached after 1 s.
+        assert_eq!(solving.broken(Some(&hit(1.5)), true), none);
+        assert_eq!(solving.broken(Some(&hit(0.5)), true), ["collision after 0.50 s"]);
     }
 
     #[test]

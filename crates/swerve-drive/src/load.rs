@@ -17,7 +17,7 @@ use crate::trust::CodeArgs;
 /// Scenario, configuration and overrides of a run.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RunInput {
-    /// Scenario file (TOML, or CommonRoad 2020a as .xml or .xml.gz), or the name of a built-in one, see `swerve scenarios`
+    /// Scenario file (TOML, or CommonRoad 2020a as .xml, .xml.gz or .pb), or the name of a built-in one, see `swerve scenarios`
     pub scenario: PathBuf,
     /// Configuration file (TOML), or the name of a built-in one, such as paper. Repeatable: later files override
     /// earlier ones; missing keys have defaults

@@ -405,6 +405,10 @@ impl Kind {
     /// # Errors
     /// Same as [`document`](Self::document), or if it is a configuration.
     pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
+        if let Some(message) = commonroad::refusal(given) {
+            let file = given.display().to_string();
+            return Err(Problem { file, line: None, key: String::new(), message });
+        }
         if commonroad::is_scenario(given) {
             return commonroad::document(given);
         }

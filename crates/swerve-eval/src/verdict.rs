@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_geom::LineTracker;
+use swerve_geom::{LineTracker, angle_between};
 use swerve_msg::truth::{Actor, EndReason, InfractionKind, Verdict, WorldState};
 use swerve_msg::{ActorId, GateMode, Route, Signal};
 
@@ -18,6 +18,8 @@ const IN_THE_WAY_M: f64 = 25.0;
 const FRONT_REACH_M: f64 = 15.0;
 /// Distance beyond a stop line, measured at the front, up to which an ego still waits at it, metres.
 const BEYOND_LINE_M: f64 = 1.0;
+/// Angle between the ego's heading and the direction to an actor above which it is behind, degrees. Source: nuPlan.
+const BEHIND_DEG: f64 = 150.0;
 /// Lateral margin around the outline for blocking actors, metres.
 const BESIDE_M: f64 = 0.5;
 
@@ -34,6 +36,15 @@ pub struct Impact {
     pub closing_speed_mps: f64,
     /// Impulse of the first contact step, N s.
     pub impulse_n_s: f64,
+    /// False if the ego stood, or was hit from behind: the centre of the actor was more than 150 degrees off the heading
+    /// of the rear axle. As in nuPlan, but collisions at the sides are always at fault.
+    #[serde(default = "at_fault")]
+    pub at_fault: bool,
+}
+
+/// Collisions in files without the answer.
+fn at_fault() -> bool {
+    true
 }
 
 /// Accumulates world states and determines the verdict.
@@ -108,6 +119,7 @@ impl Outcome {
                     ego_speed_mps: c.speeds_mps[0],
                     closing_speed_mps: c.closing_speed_mps,
                     impulse_n_s: c.impulse_n_s,
+                    at_fault: is_at_fault(world, actor, c.speeds_mps),
                 };
                 self.impact = Some((c.stamp, impact));
             }
@@ -228,6 +240,16 @@ impl Outcome {
     pub fn end(&self) -> Option<EndReason> {
         self.end
     }
+}
+
+/// True unless the ego stood, or a moving actor came from behind, given the speeds of both just before, m/s.
+fn is_at_fault(world: &WorldState, actor: ActorId, [ego_mps, actor_mps]: [f64; 2]) -> bool {
+    let own = world.ego.state.pose;
+    let is_behind = world.actor(actor).is_some_and(|actor| {
+        let to = actor.pose.point() - own.point();
+        angle_between(own.heading_rad, to.heading()).abs() > BEHIND_DEG.to_radians()
+    });
+    ego_mps.abs() > STANDS_MPS && !(is_behind && actor_mps > STANDS_MPS)
 }
 
 /// Nearest actor that blocks a stationary ego: ahead of its outline or on its route, with a margin.
@@ -438,6 +460,24 @@ pub(crate) mod tests {
         let impact = o.impact().unwrap();
         assert_eq!((impact.actor, impact.at_s), (ActorId(2), 0.95));
         assert_eq!((impact.ego_speed_mps, impact.closing_speed_mps), (12.0, 7.0));
+    }
+
+    #[test]
+    fn collision_from_behind_or_at_rest_is_not_at_fault() {
+        for (x_m, y_m, speeds_mps, at_fault) in [
+            (4.5, 0.0, [12.0, 5.0], true),
+            (-3.2, 0.9, [12.0, 15.0], false),
+            (-3.2, 0.9, [12.0, 0.0], true),
+            // Beside the rear axle.
+            (-0.5, 1.8, [12.0, 15.0], true),
+            (4.5, 0.0, [0.0, 5.0], false),
+        ] {
+            let o = outcome(|w| {
+                w.actors = vec![actor(2, ActorKind::Car, Pose2::new(x_m, y_m, 0.0), 4.0, 1.8)];
+                w.collisions = vec![Collision { speeds_mps, ..hit(950, 2) }];
+            });
+            assert_eq!(o.impact().map(|impact| impact.at_fault), Some(at_fault), "{x_m} {speeds_mps:?}");
+        }
     }
 
     #[test]

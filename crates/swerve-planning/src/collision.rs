@@ -78,6 +78,19 @@ struct Mover {
     speed_mps: f64,
     /// Average number of places per second.
     places_per_s: f64,
+    /// True if its instants are those of the obstacle before it.
+    same_instants: bool,
+}
+
+/// Position of an instant among those of an obstacle.
+#[derive(Clone, Copy, Debug)]
+enum Instant {
+    /// Before the first.
+    Before,
+    /// At this fraction of the way from the place before this one, counted from the first.
+    Between(usize, f64),
+    /// At the last or after it.
+    After,
 }
 
 /// Obstacles of a collision check.
@@ -196,6 +209,8 @@ impl Obstacles {
             self.places.push(solid);
         }
         mover.end = self.places.len();
+        let before = self.movers.last().map(|before| &self.at[before.first..before.end]);
+        mover.same_instants = before == Some(&self.at[first..]);
         if let [from, .., to] = self.at[first..] {
             mover.places_per_s = (mover.end - first - 1) as f64 / (to - from).as_secs();
         }
@@ -253,7 +268,12 @@ impl Obstacles {
     pub fn distance_below(&self, footprint: &Solid, at: Time, cap_m: f64) -> f64 {
         let own_m = footprint.radius_m();
         let mut nearest_m = cap_m;
+        // Obstacles of one prediction have the same instants.
+        let mut known = None;
         for mover in &self.movers {
+            if !mover.same_instants {
+                known = None;
+            }
             let b = &mover.bounds;
             let dx = (b[0] - footprint.x_m).max(footprint.x_m - b[2]).max(0.0);
             let dy = (b[1] - footprint.y_m).max(footprint.y_m - b[3]).max(0.0);
@@ -263,8 +283,12 @@ impl Obstacles {
             }
             match self.mode {
                 CollisionMode::TimeIndexed | CollisionMode::MayStop | CollisionMode::Risk => {
-                    let solid = self.place_at(mover, at);
-                    nearest_m = nearer(footprint, &solid, own_m + mover.radius_m, nearest_m);
+                    let instant = *known.get_or_insert_with(|| self.instant(mover, at));
+                    let (x_m, y_m) = self.center(mover, instant);
+                    let reach_m = own_m + mover.radius_m + nearest_m;
+                    if is_within(footprint, x_m, y_m, reach_m) {
+                        nearest_m = footprint.distance_below(&self.solid(mover, instant), nearest_m);
+                    }
                 }
                 CollisionMode::SweptStatic => {
                     for solid in &self.places[mover.first..mover.end] {
@@ -278,13 +302,17 @@ impl Obstacles {
 
     /// Place of `mover` at `at`: linear between its places, constant before the first and after the last.
     fn place_at(&self, mover: &Mover, at: Time) -> Solid {
+        self.solid(mover, self.instant(mover, at))
+    }
+
+    fn instant(&self, mover: &Mover, at: Time) -> Instant {
         let times = &self.at[mover.first..mover.end];
-        let (Some(&from), Some(&to)) = (times.first(), times.last()) else { return Solid::default() };
+        let (Some(&from), Some(&to)) = (times.first(), times.last()) else { return Instant::Before };
         if at < from {
-            return self.places[mover.first];
+            return Instant::Before;
         }
         if at >= to {
-            return self.places[mover.end - 1];
+            return Instant::After;
         }
         // Instants are usually equidistant.
         let mut after = (((at - from).as_secs() * mover.places_per_s) as usize).min(times.len() - 1);
@@ -294,20 +322,39 @@ impl Obstacles {
         while times[after] <= at {
             after += 1;
         }
-        let (i, j) = (mover.first + after - 1, mover.first + after);
-        let u = (at - self.at[i]).as_secs() / (self.at[j] - self.at[i]).as_secs();
-        let (a, b) = (self.places[i], self.places[j]);
+        let share = (at - times[after - 1]).as_secs() / (times[after] - times[after - 1]).as_secs();
+        Instant::Between(after, share)
+    }
+
+    /// Centre of `mover`: x and y, metres.
+    fn center(&self, mover: &Mover, instant: Instant) -> (f64, f64) {
+        let (a, b, u) = match instant {
+            Instant::Before => (mover.first, mover.first, 0.0),
+            Instant::Between(after, u) => (mover.first + after - 1, mover.first + after, u),
+            Instant::After => (mover.end - 1, mover.end - 1, 0.0),
+        };
+        let (a, b) = (&self.places[a], &self.places[b]);
+        (mix(a.x_m, b.x_m, u), mix(a.y_m, b.y_m, u))
+    }
+
+    /// Outline of `mover`.
+    fn solid(&self, mover: &Mover, instant: Instant) -> Solid {
+        let (i, j, u) = match instant {
+            Instant::Before => return self.places[mover.first],
+            Instant::Between(after, u) => (mover.first + after - 1, mover.first + after, u),
+            Instant::After => return self.places[mover.end - 1],
+        };
+        let (a, b) = (&self.places[i], &self.places[j]);
         let turn = angle_between(self.heading_rad[i], self.heading_rad[j]);
         let (sin, cos) =
             if turn == 0.0 { (a.sin, a.cos) } else { math::sin_cos(self.heading_rad[i] + turn * u) };
-        let mix = |from: f64, to: f64| from + (to - from) * u;
         Solid {
-            x_m: mix(a.x_m, b.x_m),
-            y_m: mix(a.y_m, b.y_m),
+            x_m: mix(a.x_m, b.x_m, u),
+            y_m: mix(a.y_m, b.y_m, u),
             cos,
             sin,
-            half_length_m: mix(a.half_length_m, b.half_length_m),
-            half_width_m: mix(a.half_width_m, b.half_width_m),
+            half_length_m: mix(a.half_length_m, b.half_length_m, u),
+            half_width_m: mix(a.half_width_m, b.half_width_m, u),
         }
     }
 
@@ -322,13 +369,22 @@ impl Obstacles {
     }
 }
 
+/// True if a point is nearer than `reach_m` to the centre of a footprint.
+fn is_within(footprint: &Solid, x_m: f64, y_m: f64, reach_m: f64) -> bool {
+    let (dx, dy) = (x_m - footprint.x_m, y_m - footprint.y_m);
+    let is_far = dx * dx + dy * dy >= reach_m * reach_m;
+    !is_far
+}
+
+fn mix(from: f64, to: f64, u: f64) -> f64 {
+    from + (to - from) * u
+}
+
 fn nearer(footprint: &Solid, solid: &Solid, radii_m: f64, nearest_m: f64) -> f64 {
-    let (dx, dy) = (solid.x_m - footprint.x_m, solid.y_m - footprint.y_m);
-    let reach_m = radii_m + nearest_m;
-    if dx * dx + dy * dy >= reach_m * reach_m {
-        return nearest_m;
+    match is_within(footprint, solid.x_m, solid.y_m, radii_m + nearest_m) {
+        true => footprint.distance_below(solid, nearest_m),
+        false => nearest_m,
     }
-    footprint.distance_below(solid, nearest_m)
 }
 
 #[cfg(test)]

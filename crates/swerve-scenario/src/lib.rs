@@ -11,6 +11,7 @@
 //! name = "person_crossing"
 //! description = "for people"                          # ?
 //! seeded = true                                       # ? false: a seed varies sensors only
+//! reactive = "off"                                    # ? "idm": recorded vehicles brake along their path, see `track`
 //!
 //! [road]                                              # from the map's origin along +x
 //! segments = [{ length_m = 100.0, curvature_1pm = 0.0 }]  # curvature ?, positive turns left

@@ -257,6 +257,9 @@ pub struct Track {
     pub step_s: f64,
     /// Poses in the map. Never empty.
     pub poses: Arc<[Pose2]>,
+    /// True if a vehicle brakes for the ego, and for all that is not where it was recorded, by the intelligent driver
+    /// model along the recorded path; false for exact replay.
+    pub reacts: bool,
 }
 
 impl Motion {

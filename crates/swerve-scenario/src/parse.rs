@@ -135,7 +135,8 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         let setting = actor::Setting { id: *id, name, ego: &ego_name, known: &known, on_map, map };
         actor::read(table, setting)
     });
-    let actors: Vec<Actor> = actors.collect();
+    let mut actors: Vec<Actor> = actors.collect();
+    track::react(top, &mut actors);
     // As if it were drawn already.
     let fixed = top.truth_if_any("seeded") == Some(false);
     let draws = fixed.then(|| Draws { trigger_m: vec![0.0; actors.len()], ..Draws::default() });

@@ -1,7 +1,6 @@
 mod shown;
 mod touch;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -13,7 +12,6 @@ use swerve_map::Map;
 use swerve_msg::truth::{Actor, EgoTruth, EndReason, Infraction, InfractionKind, WorldState};
 use swerve_msg::{ActorId, ActorKind, Command, Extent, Route};
 use swerve_scenario::{OtherEgo, Scenario};
-use swerve_traffic::GroupDriver;
 use swerve_vehicle::{Shape, VehicleParams};
 use swerve_world::{Driver, Movement, View};
 
@@ -23,6 +21,7 @@ use crate::contact::{self, Motion2};
 use crate::contacts::Contacts;
 use crate::ego::EgoCar;
 use crate::neighbours::Neighbours;
+use crate::reacting;
 use crate::rules::Rules;
 use crate::scripted::Scripted;
 use crate::traffic::{self, with_traffic};
@@ -195,14 +194,14 @@ impl Simulator {
 
     fn populate(&mut self) {
         let line = Arc::new(self.route().line().clone());
-        let traffic = traffic::of_scenario(&self.scenario, &self.params.vehicle.shape);
-        let mut of_traffic: BTreeMap<ActorId, GroupDriver> =
-            traffic.map(|traffic| traffic.drivers().1.into_iter().collect()).unwrap_or_default();
+        let mut drivers = reacting::drivers(&self.scenario);
+        if let Some(traffic) = traffic::of_scenario(&self.scenario, &self.params.vehicle.shape) {
+            let boxed = |(id, driver)| (id, Box::new(driver) as Box<dyn Driver>);
+            drivers.extend(traffic.drivers().1.into_iter().map(boxed));
+        }
         for actor in &self.scenario.actors {
-            let driver: Box<dyn Driver> = match of_traffic.remove(&actor.id) {
-                Some(driver) => Box::new(driver),
-                None => Box::new(Scripted::new(actor, &self.scenario, &line, self.params.dt)),
-            };
+            let scripted = || Box::new(Scripted::new(actor, &self.scenario, &line, self.params.dt));
+            let driver: Box<dyn Driver> = drivers.remove(&actor.id).unwrap_or_else(|| scripted());
             // An actor that moves from the start has a speed in the first state, too.
             let movement = driver.movement(Time::ZERO, Time::ZERO);
             let movement = movement.unwrap_or_else(|| Movement::at_rest(actor.pose(&line)));

@@ -3,6 +3,7 @@
 mod drivers;
 mod egos;
 mod others;
+mod reacting;
 mod scenarios;
 mod traffic;
 

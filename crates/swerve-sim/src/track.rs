@@ -35,16 +35,31 @@ impl Played {
         after_s > self.track.from_s + (self.track.poses.len() as f64 + 1.0) * self.track.step_s
     }
 
+    /// The recording.
+    pub(crate) fn track(&self) -> &Track {
+        &self.track
+    }
+
+    /// Place among the poses at a time since the start of the run: 2.5 is the middle between the third and the fourth.
+    pub(crate) fn place(&self, after_s: f64) -> f64 {
+        // Half a nanosecond: stamps are whole ones.
+        (after_s - self.track.from_s + 5e-10) / self.track.step_s
+    }
+
     /// Movement at a time since the start of the run.
     pub(crate) fn at(&self, after_s: f64) -> Movement {
-        let Track { from_s, step_s, poses } = &self.track;
-        let last = poses.len() - 1;
-        // Half a nanosecond: stamps are whole ones.
-        let place = (after_s - from_s + 5e-10) / step_s;
-        if place < 0.0 || place > last as f64 + 1e-6 {
+        let place = self.place(after_s);
+        if place < 0.0 || place > (self.track.poses.len() - 1) as f64 + 1e-6 {
             let park = Pose2::new(PARK_STEP_M * f64::from(self.id.0), PARK_Y_M, 0.0);
             return Movement::at_rest(park);
         }
+        self.at_place(place)
+    }
+
+    /// Movement at a place among the poses.
+    pub(crate) fn at_place(&self, place: f64) -> Movement {
+        let poses = &self.track.poses;
+        let last = poses.len() - 1;
         let k = (place as usize).min(last);
         let share = (place - k as f64).clamp(0.0, 1.0);
         let (from, to) = (poses[k], poses[(k + 1).min(last)]);
@@ -77,7 +92,7 @@ mod tests {
             Pose2::new(1.0, 0.0, -PI + 0.1),
             Pose2::new(3.0, 0.0, -PI + 0.1),
         ]);
-        Played::new(ActorId(3), &Track { from_s: 0.5, step_s: 0.1, poses })
+        Played::new(ActorId(3), &Track { from_s: 0.5, step_s: 0.1, poses, reacts: false })
     }
 
     #[test]

@@ -22,12 +22,7 @@ impl CellResult {
         let (ego, metrics) = outcome.worst();
         let mut texts = texts(metrics);
         texts.extend(ego.map(|ego| (EGO.to_owned(), ego.to_owned())));
-        if let Some(expected) = expected {
-            let broken = outcome.broken(expected);
-            texts.insert(AS_EXPECTED.into(), broken.is_empty().to_string());
-            texts.insert(NOT_AS_EXPECTED.into(), broken.join("; "));
-        }
-        Self {
+        let mut result = Self {
             no_collision: metrics.impact.is_none(),
             on_road: metrics.left_road_at_s.is_none(),
             min_distance_m: metrics.min_distance_m,
@@ -41,7 +36,17 @@ impl CellResult {
             texts,
             scores: metrics.scores.clone(),
             ..Self::blank(cell, metrics.verdict.name())
+        };
+        if let Some(expected) = expected {
+            result.expects(&outcome.broken(expected));
         }
+        result
+    }
+
+    /// States the expectations that the drive did not meet.
+    pub(crate) fn expects(&mut self, broken: &[String]) {
+        self.texts.insert(AS_EXPECTED.into(), broken.is_empty().to_string());
+        self.texts.insert(NOT_AS_EXPECTED.into(), broken.join("; "));
     }
 }
 

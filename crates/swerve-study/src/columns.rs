@@ -17,6 +17,9 @@ pub(crate) const NOT_AS_EXPECTED: &str = "not_as_expected";
 /// Key in `metrics.json` and `cells.csv` for the number of road users of the traffic for which there was no place.
 pub(crate) const ROAD_USERS_LEFT_OUT: &str = "road_users_left_out";
 
+/// Key in `metrics.json` and `cells.csv` for whether the ego is at fault in its collision.
+pub(crate) const AT_FAULT: &str = "impact.at_fault";
+
 /// Key in `cells.csv` for the name of the ego whose metrics these are, in runs with several.
 pub(crate) const EGO: &str = "ego";
 
@@ -35,9 +38,10 @@ pub(crate) const DRIVE: [&str; 10] = [
 ];
 
 /// Metrics that always have a column, so that tables of several studies have the same ones.
-pub(crate) const ALWAYS: [&str; 13] = [
+pub(crate) const ALWAYS: [&str; 14] = [
     "end",
     "impact.actor",
+    AT_FAULT,
     "impact.at_s",
     "impact.closing_speed_mps",
     "impact.ego_speed_mps",
@@ -65,7 +69,13 @@ pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
     };
     let stands = metrics.actors.iter().find(|actor| Some(actor.actor) == metrics.stands_before);
     let stands = stands.map(|actor| (STANDS_BEFORE.to_owned(), actor.name.clone()));
-    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").chain(stands).collect()
+    let at_fault = metrics.impact.map(|impact| (AT_FAULT.to_owned(), impact.at_fault.to_string()));
+    all.into_iter()
+        .filter_map(text)
+        .filter(|(name, _)| name != "verdict")
+        .chain(stands)
+        .chain(at_fault)
+        .collect()
 }
 
 /// Numeric metrics of a run by their names in `metrics.json`, without those that have fixed columns and those in lists
@@ -157,6 +167,7 @@ mod tests {
             "as_expected",
             "misses",
             "impact.closing_speed_mps",
+            "impact.at_fault",
             "first_collision_of_others.closing_speed_mps",
             "left_road_at_s",
             "lateral_jerk.smooth_max_mps3",

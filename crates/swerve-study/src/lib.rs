@@ -44,6 +44,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
+use swerve_drive::commonroad::{self, Solving};
 use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::RunReport;
 use swerve_drive::pictures::PictureArgs;
@@ -51,6 +52,7 @@ use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::{Outcome, drive_unless, problems_error};
+use swerve_flow::Observer;
 use swerve_report::files::{CELLS, read_whole, write_whole};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
@@ -284,6 +286,11 @@ impl Bench {
         for file in config.files() {
             hasher.bytes(&read_whole(file)?);
         }
+        let file = self.study.scenario(cell);
+        if commonroad::is_scenario(file) {
+            // The goal is in the file alone.
+            hasher.bytes(&read_whole(file)?);
+        }
         hasher.value(&(self.study.curve.is_some(), &self.study.timely));
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
@@ -346,9 +353,12 @@ impl Bench {
         cell: &Cell,
         (config, scenario): (&Setup, &Scenario),
         file: &Path,
+        solving: Option<&mut Solving>,
     ) -> anyhow::Result<Outcome> {
         let mut page = RunReport::new(config, &Pipeline::build(config, scenario)?, self.study.command(cell));
-        let outcome = drive_unless(&self.stop, config, scenario, &mut [&mut page])?;
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut page];
+        observers.extend(solving.map(|solving| solving as &mut dyn Observer));
+        let outcome = drive_unless(&self.stop, config, scenario, &mut observers)?;
         let metrics = serde_json::to_string(&outcome.metrics)?;
         let html = page.finish(&outcome.digest.to_string(), &metrics)?.html();
         write_whole(file, html.as_bytes())?;
@@ -380,8 +390,13 @@ impl Bench {
             return timely.run(cell, &config, scenario, &self.stop);
         }
         let expected = scenario.expectation(&config.pipeline_name());
-        let of_drive = |outcome: &Outcome| {
+        let mut solving = Solving::of_drive(self.study.scenario(cell), &config.sim.vehicle)?;
+        let reacts = scenario.actors.iter().any(|actor| actor.track().is_some_and(|track| track.reacts));
+        let of_drive = |outcome: &Outcome, solving: Option<&Solving>| {
             let mut result = CellResult::of(cell, outcome, expected);
+            if let Some(solving) = solving {
+                result.expects(&solving.broken(outcome.metrics.impact.as_ref(), reacts));
+            }
             if scenario.traffic.is_some() {
                 let count = drawn(&config, scenario).left_out();
                 result.figures.insert(ROAD_USERS_LEFT_OUT.to_owned(), count as f64);
@@ -396,14 +411,19 @@ impl Bench {
             None => match self.study.curve {
                 Some(curve) => {
                     let (outcome, curve) = curve.drive(&config, scenario, &self.stop)?;
-                    Ok(CellResult { curve, ..of_drive(&outcome) })
+                    Ok(CellResult { curve, ..of_drive(&outcome, None) })
                 }
                 None => {
                     let outcome = match page {
-                        Some(file) => self.drive_for_page(cell, (&config, scenario), file)?,
-                        None => drive_unless(&self.stop, &config, scenario, &mut [])?,
+                        Some(file) => {
+                            self.drive_for_page(cell, (&config, scenario), file, solving.as_mut())?
+                        }
+                        None => {
+                            let observers = solving.iter_mut().map(|solving| solving as &mut dyn Observer);
+                            drive_unless(&self.stop, &config, scenario, &mut observers.collect::<Vec<_>>())?
+                        }
                     };
-                    Ok(of_drive(&outcome))
+                    Ok(of_drive(&outcome, solving.as_ref()))
                 }
             },
         }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Digest;
 use swerve_eval::score::DrivingScores;
 
-use crate::columns::{AS_EXPECTED, NOT_AS_EXPECTED, ROAD_USERS_LEFT_OUT};
+use crate::columns::{AS_EXPECTED, AT_FAULT, NOT_AS_EXPECTED, ROAD_USERS_LEFT_OUT};
 use crate::grid::Cell;
 
 /// Result of one cell.
@@ -66,6 +66,11 @@ impl CellResult {
     /// True if the drive met its scenario's expectations; `None` if it has none.
     pub fn as_expected(&self) -> Option<bool> {
         self.texts.get(AS_EXPECTED).map(|told| told == "true")
+    }
+
+    /// True if the ego is at fault in its collision; `None` without one.
+    pub(crate) fn at_fault(&self) -> Option<bool> {
+        self.texts.get(AT_FAULT).map(|told| told == "true")
     }
 
     /// Unmet expectations.

@@ -251,7 +251,11 @@ fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> 
     }
     let mut seen = BTreeSet::new();
     paths.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
-    let stem = |path: &Path| path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let stem = |path: &Path| {
+        let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        // Of a packed file.
+        stem.strip_suffix(".xml").map_or_else(|| stem.clone(), str::to_owned)
+    };
     let is_only = |path: &Path| paths.iter().filter(|other| stem(other) == stem(path)).count() == 1;
     let label = |path: &PathBuf| if is_only(path) { stem(path) } else { path.display().to_string() };
     Ok(paths.iter().map(|path| (label(path), path.clone())).collect())
@@ -326,7 +330,19 @@ fn text(study: &Study, results: &[Option<CellResult>]) -> String {
     if all.free > 0 {
         let _written = write!(text, "; of {} more nothing is expected", all.free);
     }
-    text + "\n" + &left_out_text(study, results)
+    text + "\n" + &collisions_text(results) + &left_out_text(study, results)
+}
+
+/// Numbers of drives with a collision, and of those in which the ego is not at fault; empty without collisions.
+fn collisions_text(results: &[Option<CellResult>]) -> String {
+    let faults: Vec<bool> = results.iter().flatten().filter_map(CellResult::at_fault).collect();
+    match (faults.len(), faults.iter().filter(|at_fault| !**at_fault).count()) {
+        (0, _) => String::new(),
+        (all, 0) => format!("collisions: {all} drives, all at fault\n"),
+        (all, free) => {
+            format!("collisions: {all} drives, {free} of them not at fault: hit from behind, or at rest\n")
+        }
+    }
 }
 
 /// Numbers of road users of the traffic for which there was no place, by scenario; empty if all had one.
@@ -391,6 +407,25 @@ mod tests {
         let wanted = "road users of the traffic without a place, per drive: town 0 to 3, crossing 175\n";
         assert_eq!(found, wanted);
         assert_eq!(drives([None, None, Some(0.0), Some(0.0), None, None]), "");
+    }
+
+    #[test]
+    fn collisions_that_are_not_at_fault_are_counted_apart() {
+        let result = |at_fault: Option<bool>| {
+            let cell = crate::table::tests::study().cells[0].clone();
+            let mut result = CellResult::blank(&cell, "collision");
+            result
+                .texts
+                .extend(at_fault.map(|at_fault| (crate::columns::AT_FAULT.to_owned(), at_fault.to_string())));
+            Some(result)
+        };
+        let text = |faults: &[Option<bool>]| {
+            collisions_text(&faults.iter().copied().map(result).collect::<Vec<_>>())
+        };
+        assert_eq!(text(&[None, None]), "");
+        assert_eq!(text(&[Some(true), None]), "collisions: 1 drives, all at fault\n");
+        let wanted = "collisions: 3 drives, 2 of them not at fault: hit from behind, or at rest\n";
+        assert_eq!(text(&[Some(true), Some(false), None, Some(false)]), wanted);
     }
 
     #[test]

@@ -89,7 +89,14 @@ fn stationary_ego_is_hit() {
         words(|metrics| {
             metrics.verdict = Verdict::Collision;
             let (actor, closing_speed_mps) = (ActorId(1), 4.2);
-            let impact = Impact { actor, at_s: 5.0, ego_speed_mps, closing_speed_mps, impulse_n_s: 900.0 };
+            let impact = Impact {
+                actor,
+                at_s: 5.0,
+                ego_speed_mps,
+                closing_speed_mps,
+                impulse_n_s: 900.0,
+                at_fault: true,
+            };
             metrics.impact = Some(impact);
         })
     };
@@ -172,7 +179,14 @@ fn states_because_of_the_actor_and_at_the_end_are_named() {
     assert_eq!(sentence(&|metrics| metrics.verdict = Verdict::Timeout), format!("{of_lead}{at_end}"));
     let at_impact = sentence(&|metrics| {
         let (actor, at_s) = (ActorId(1), 3.0);
-        let impact = Impact { actor, at_s, ego_speed_mps: 1.0, closing_speed_mps: 1.0, impulse_n_s: 1.0 };
+        let impact = Impact {
+            actor,
+            at_s,
+            ego_speed_mps: 1.0,
+            closing_speed_mps: 1.0,
+            impulse_n_s: 1.0,
+            at_fault: true,
+        };
         metrics.impact = Some(impact);
     });
     assert_eq!(at_impact, format!("{without}{follows}; at the collision the car follows lead, since 2.00 s"));

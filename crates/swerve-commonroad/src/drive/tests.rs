@@ -29,3 +29,22 @@ fn scenario_without_a_start_on_a_lanelet_is_refused() {
     let scenario = Scenario::read("small.xml", &beside).unwrap();
     assert_eq!(scenario.to_toml("small.xml"), Err(NoWay::OffLanelets));
 }
+
+#[test]
+fn scenario_with_a_road_user_beyond_the_world_is_refused_once() {
+    let mut scenario = Scenario::read("small.xml", SMALL).unwrap();
+    scenario.obstacles[1].initial.position.x_m = 2e5;
+    assert_eq!(scenario.to_toml("small.xml"), Err(NoWay::Far));
+}
+
+#[test]
+fn ego_is_at_the_goal_in_the_middle_of_its_time_but_late() {
+    let mut scenario = Scenario::read("small.xml", SMALL).unwrap();
+    for (steps, expected_s) in [([18.0, 20.0], 1.9), ([0.0, 20.0], 1.7), ([20.0, 20.0], 2.0)] {
+        for goal in &mut scenario.problems[0].goals {
+            goal.steps = crate::Interval { from: steps[0], to: steps[1] };
+        }
+        let arrives_s = scenario.arrives_s(&scenario.problems[0], 2.0);
+        assert!((arrives_s - expected_s).abs() < 1e-9, "{steps:?}: {arrives_s}");
+    }
+}

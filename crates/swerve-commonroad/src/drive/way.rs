@@ -35,6 +35,8 @@ pub enum NoWay {
     OffLanelets,
     /// No way over lanelets leads to the goal.
     Unreachable,
+    /// A road user is farther from the origin than scenarios can have places.
+    Far,
 }
 
 impl fmt::Display for NoWay {
@@ -46,6 +48,7 @@ impl fmt::Display for NoWay {
             Self::Unreachable => {
                 "no way over lanelets leads from the start to the goal of the planning problem"
             }
+            Self::Far => "expected road users within 100 km of the origin along x and y",
         })
     }
 }

@@ -6,14 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_commonroad::{Costs, Scenario, Solution, check, costs};
-use swerve_map_io::FILE_MAX;
-use swerve_text::{read_bytes, unpacked};
 
 /// Most problems of a file that are shown.
 const SHOWN: usize = 20;
 
 /// Endings of scenario files.
-const ENDINGS: [&str; 4] = [".xml", ".xml.gz", ".cr.xml", ".cr.xml.gz"];
+const ENDINGS: [&str; 5] = [".xml", ".xml.gz", ".cr.xml", ".cr.xml.gz", ".pb"];
 
 /// Solutions, and the folder of their scenarios.
 #[derive(clap::Args, Debug)]
@@ -121,10 +119,9 @@ impl Row {
     }
 }
 
-/// Text of a file that may be packed by gzip.
+/// Text of a file, in XML.
 fn text(path: &Path) -> anyhow::Result<String> {
-    let bytes = read_bytes(path, FILE_MAX).with_context(|| path.display().to_string())?;
-    unpacked(bytes).map_err(|message| anyhow!("{}: {message}", path.display()))
+    swerve_drive::commonroad::read_text(path).with_context(|| path.display().to_string())
 }
 
 /// The file of a scenario in a folder or one of its subfolders, or the file itself.
@@ -145,7 +142,7 @@ fn scenario_of(folder: &Path, name: &str) -> anyhow::Result<PathBuf> {
     let files = folders.iter().flat_map(|folder| ENDINGS.map(|end| folder.join(format!("{name}{end}"))));
     files.into_iter().find(|file| file.is_file()).with_context(|| {
         format!(
-            "{}: no scenario `{name}` in this folder and its subfolders (expected {name}.xml or .xml.gz)",
+            "{}: no scenario `{name}` in this folder and its subfolders (expected {name}.xml, .xml.gz or .pb)",
             folder.display()
         )
     })

@@ -7,10 +7,13 @@ use swerve_text::{Range, TableReader};
 use toml::Value;
 
 use super::PLACE;
-use crate::Track;
+use crate::{Actor, Motion, Track};
 
 /// Most poses of a track.
 const POSES_MAX: usize = 100_000;
+
+/// Values of `reactive`.
+const REACTIVE: [&str; 2] = ["off", "idm"];
 
 /// Reads the table `track`; without poses after a problem.
 pub(super) fn read(table: &TableReader<'_>) -> Track {
@@ -32,13 +35,23 @@ pub(super) fn read(table: &TableReader<'_>) -> Track {
         points.iter().zip(headings_rad).map(|([x, y], heading)| Pose2::new(*x, *y, heading)).collect();
     match poses.is_empty() {
         true => none(),
-        false => Track { from_s, step_s, poses },
+        false => Track { from_s, step_s, poses, reacts: false },
+    }
+}
+
+/// Reads the key `reactive` of the scenario, which applies to all recorded motion.
+pub(super) fn react(top: &TableReader<'_>, actors: &mut [Actor]) {
+    let reacts = top.one_of_if_any("reactive", &REACTIVE) == Some(1);
+    for leg in actors.iter_mut().flat_map(|actor| &mut actor.motion) {
+        if let Motion::Track(track) = leg {
+            track.reacts = reacts;
+        }
     }
 }
 
 /// Values after a problem.
 fn none() -> Track {
-    Track { from_s: 0.0, step_s: 0.1, poses: Arc::from([Pose2::default()]) }
+    Track { from_s: 0.0, step_s: 0.1, poses: Arc::from([Pose2::default()]), reacts: false }
 }
 
 fn headings(track: &TableReader<'_>) -> Vec<f64> {
@@ -74,13 +87,17 @@ mod tests {
         <laneletType>urban</laneletType></lanelet></commonRoad>";
 
     fn read(track: &str) -> Result<Scenario, String> {
+        read_with(track, &[])
+    }
+
+    fn read_with(track: &str, sets: &[(String, toml::Value)]) -> Result<Scenario, String> {
         let text = format!(
             "name = \"x\"\nseeded = false\n[map]\nfile = \"x.xml\"\n[ego]\ntarget_speed_mps = 10.0\n\
              start = {{ lane = \"1\", s_m = 10.0 }}\ngoal = {{ lane = \"1\", s_m = 90.0 }}\n\
              [[actor]]\nname = \"car\"\nkind = \"car\"\ntrack = {{ {track} }}\n"
         );
         let map = Arc::from(MAP);
-        Scenario::parse_on("x.toml", &text, Some(&map), &[]).map_err(|problems| problems.to_string())
+        Scenario::parse_on("x.toml", &text, Some(&map), sets).map_err(|problems| problems.to_string())
     }
 
     #[test]
@@ -92,6 +109,19 @@ mod tests {
         assert_eq!((track.from_s, track.step_s, track.poses.len()), (0.5, 0.1, 2));
         assert_eq!((track.poses[1].x_m, track.poses[1].heading_rad), (6.0, 0.1));
         assert_eq!(scenario.drawn(7), scenario);
+    }
+
+    #[test]
+    fn recorded_vehicles_react_if_the_scenario_says_so() {
+        let track = "step_s = 0.1, at = [[5.0, 1.0]], heading_rad = [0.0]";
+        for (value, expected) in [("idm", Ok(true)), ("off", Ok(false)), ("mobil", Err("expected one of"))] {
+            let set = [("reactive".to_owned(), toml::Value::from(value))];
+            let found = read_with(track, &set).map(|scenario| scenario.actors[0].track().unwrap().reacts);
+            match expected {
+                Ok(reacts) => assert_eq!(found, Ok(reacts), "{value}"),
+                Err(message) => assert!(found.clone().unwrap_err().contains(message), "{found:?}"),
+            }
+        }
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn state_is_the_same_but_for_collisions_of_others() {
 fn recorded(x_m: f64, y_m: f64) -> Scenario {
     let mut scenario = beside(CAR);
     let poses: Arc<[Pose2]> = (0..=10).map(|k| Pose2::new(x_m + f64::from(k), y_m, 0.0)).collect();
-    scenario.actors[0].motion = vec![Motion::Track(Track { from_s: 1.0, step_s: 0.1, poses })];
+    scenario.actors[0].motion = vec![Motion::Track(Track { from_s: 1.0, step_s: 0.1, poses, reacts: false })];
     scenario
 }
 

@@ -125,7 +125,7 @@ fn text_metrics_have_columns() {
     let names = "impact_name,left_road_at_s,min_distance_actor,min_distance_name,plans.count,\
                  stands_before,stands_before_name,waits_at_light";
     assert!(head.ends_with(names), "{head}");
-    assert!(hit.ends_with(",collision,,,,,,\"person, on foot\",,,,3,,,"), "{hit}");
+    assert!(hit.ends_with(",collision,,,,,,,\"person, on foot\",,,,3,,,"), "{hit}");
 }
 
 #[test]
