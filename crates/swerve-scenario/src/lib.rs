@@ -155,7 +155,7 @@ pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
-    Standstill, Subject, Track, Traffic, Trigger,
+    Standstill, Subject, SumoWorld, Track, Traffic, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
