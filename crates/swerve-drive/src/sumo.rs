@@ -172,3 +172,126 @@ impl<'a> Ways<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use swerve_scenario::{Course, Scenario};
+    use swerve_stack::Setup;
+    use swerve_tests::{data_or_skip, skipped};
+
+    use super::*;
+
+    const NET: &str = include_str!("../../swerve-map-io/maps/junction.net.xml");
+    const TRIPS: &str = "<routes><trip id=\"t\" from=\"nowhere\" to=\"out\"/><trip id=\"u\" from=\"in\" to=\"out\"/></routes>";
+    const CONFIG: &str = "<configuration><net-file value=\"a.net.xml\"/><route-files value=\"a.rou.xml\"/>\
+                          <begin value=\"100\"/><step-length value=\"0.2\"/></configuration>";
+
+    /// A folder with a configuration on a small net.
+    fn small(routes: &str) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        for (file, text) in [("a.net.xml", NET), ("a.rou.xml", routes), ("a.sumocfg", CONFIG)] {
+            std::fs::write(folder.path().join(file), text).unwrap();
+        }
+        let path = folder.path().join("a.sumocfg");
+        (folder, path)
+    }
+
+    #[test]
+    fn configuration_is_a_scenario_on_its_net_with_the_way_of_a_vehicle() {
+        let (folder, path) = small(TRIPS);
+        let scenario = crate::read_scenario(&path).unwrap();
+        let world = scenario.sumo.clone().unwrap();
+        assert_eq!((world.begin_s, world.step_s, world.warmup_s), (100.0, 0.2, 60.0));
+        assert_eq!(world.offset_m, [100.0, 50.0]);
+        assert_eq!(world.config, path);
+        assert_eq!((&*scenario.name, scenario.ego.start_speed()), ("a", 0.0));
+        // A scenario with the same world, on the map by its own name.
+        let text = "name = \"own\"\n[map]\nfile = \"a.net.xml\"\n[world]\nsumo = \"a.sumocfg\"\nbegin_s = 7.0\n\
+                    [ego]\nstart = { lane = \"in_2\", s_m = 10.0 }\ngoal = { lane = \"out_0\", s_m = 30.0 }\n";
+        let own = folder.path().join("own.toml");
+        std::fs::write(&own, text).unwrap();
+        let world = crate::read_scenario(&own).unwrap().sumo.unwrap();
+        assert_eq!((world.begin_s, world.step_s, world.offset_m), (7.0, 0.2, [100.0, 50.0]));
+        // Its text is enough, without the files, as in a log.
+        let Course::Map(course) = &scenario.road.course else { panic!("it is on a map") };
+        let again = Scenario::parse_on("log", &scenario.text, Some(&course.text), &[]).unwrap();
+        assert_eq!(again.sumo.map(|sumo| sumo.begin_s), Some(100.0));
+        assert_eq!((again.ego, again.road.lights), (scenario.ego, scenario.road.lights));
+    }
+
+    #[test]
+    fn wrong_configurations_are_refused_with_their_file() {
+        let refused = |path: &Path| crate::read_scenario(path).unwrap_err().to_string();
+        let (folder, path) = small("<routes><trip id=\"t\" from=\"nowhere\" to=\"out\"/></routes>");
+        assert!(refused(&path).contains("no vehicle of the route files has a way"), "{}", refused(&path));
+        std::fs::write(folder.path().join("a.rou.xml"), "<routes>").unwrap();
+        assert!(refused(&path).contains("a.rou.xml:1:"), "{}", refused(&path));
+        std::fs::write(folder.path().join("a.net.xml"), "<net/>").unwrap();
+        assert!(refused(&path).contains("a.net.xml:1:"), "{}", refused(&path));
+        std::fs::remove_file(folder.path().join("a.net.xml")).unwrap();
+        assert!(refused(&path).contains("a.net.xml cannot be read"), "{}", refused(&path));
+        std::fs::write(&path, "<configuration/>").unwrap();
+        assert!(refused(&path).contains("line 1:"), "{}", refused(&path));
+        let own = folder.path().join("own.toml");
+        std::fs::write(&own, "name = \"x\"\n[map]\nfile = \"m\"\n[world]\nsumo = \"none.sumocfg\"\n").unwrap();
+        assert!(refused(&own).contains("own.toml:5: world.sumo"), "{}", refused(&own));
+    }
+
+    /// Configurations of the test data, and nets that have none.
+    fn published(folder: &Path) -> Option<Vec<PathBuf>> {
+        let data = data_or_skip("worlds/sumo")?;
+        let mut found: Vec<PathBuf> =
+            ["bologna_acosta/run", "resco_cologne1/cologne1", "resco_ingolstadt1/ingolstadt1"]
+                .map(|name| data.join(format!("{name}.sumocfg")))
+                .to_vec();
+        for (name, net, routes) in [
+            ("cross", "made/cross.net.xml", "made/cross.rou.xml"),
+            ("town01", "made/town01.net.xml", "made/town01.rou.xml"),
+            ("two_way", "two_way/single-intersection.net.xml", "two_way/single-intersection-gen.rou.xml"),
+        ] {
+            let [net, routes] = [net, routes].map(|file| data.join(file).display().to_string());
+            let text = format!(
+                "<configuration><net-file value=\"{net}\"/><route-files value=\"{routes}\"/></configuration>"
+            );
+            found.push(folder.join(format!("{name}.sumocfg")));
+            std::fs::write(found.last().unwrap(), text).unwrap();
+        }
+        Some(found)
+    }
+
+    #[test]
+    fn published_simulations_are_scenarios_near_the_origin_with_lights() {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(files) = published(folder.path()) else { return };
+        for file in files {
+            let scenario = crate::read_scenario(&file).unwrap();
+            let route = scenario.road.route();
+            let points = route.line().points();
+            assert!(points.iter().all(|at| at.x_m.abs().max(at.y_m.abs()) < 9_000.0), "{}", file.display());
+            let obeyed = scenario.road.lights.iter().filter(|light| light.stop_s_m.is_some()).count();
+            let (name, length_m) = (&scenario.name, scenario.ego.end_m - scenario.ego.s_m);
+            println!("{name}: {length_m:.0} m, {obeyed} of {} lights on the way", scenario.road.lights.len());
+            assert!(length_m > 80.0);
+            // CARLA's Town01 has no lights in its net.
+            assert_eq!(obeyed == 0, name == "town01", "{name}");
+        }
+    }
+
+    /// SUMO itself drives the others: one digest on one thread and on eight, and no collision of the ego.
+    #[test]
+    fn drive_among_the_traffic_of_sumo_is_repeatable() {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(files) = published(folder.path()) else { return };
+        if let Err(missing) = swerve_sumo::Environment::of_process().program() {
+            return skipped(&missing.to_string());
+        }
+        let scenario = crate::read_scenario(&files[3]).unwrap();
+        let outcome = |threads| crate::drive_observed(&Setup::default(), &scenario, threads, &mut []).unwrap();
+        let first = outcome(1);
+        assert_eq!(first.metrics.verdict, swerve_eval::Verdict::Avoided, "{:?}", first.metrics.impact);
+        assert_eq!(first.metrics.red_lights_passed, 0);
+        for threads in [1, 8] {
+            assert_eq!(outcome(threads).digest, first.digest, "{threads} threads");
+        }
+    }
+}

@@ -150,10 +150,14 @@ impl Process {
     pub fn ended(&mut self) -> SumoError {
         // Its output has ended, or the connection has: it has ended, or is about to.
         for _ in 0..50 {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                break;
+            }
             match self.lines.recv_timeout(PAUSE) {
                 Ok(line) => self.keep(line),
-                Err(RecvTimeoutError::Timeout) if matches!(self.child.try_wait(), Ok(None)) => {}
-                Err(_) => break,
+                Err(RecvTimeoutError::Timeout) => {}
+                // The output has ended shortly before the program.
+                Err(RecvTimeoutError::Disconnected) => std::thread::park_timeout(PAUSE),
             }
         }
         let status = match self.child.try_wait() {

@@ -134,6 +134,12 @@ impl Sumo {
         self.begin(Running::of(client), ego, outline)
     }
 
+    /// Number of commands for lights that the next step will send.
+    #[cfg(test)]
+    pub(crate) fn corrections(&self) -> usize {
+        self.running.as_ref().map_or(0, |running| running.corrections.len())
+    }
+
     /// Runs SUMO until the start, with the ego from then on.
     fn begin(&mut self, running: Running, ego: &EgoTruth, outline: &Obb) -> Result<(), SumoError> {
         let running = self.running.insert(running);

@@ -24,7 +24,7 @@ const NESTING_MAX: usize = 8;
 #[derive(Clone, PartialEq, Debug)]
 pub struct Command {
     pub(crate) id: u8,
-    content: Vec<u8>,
+    pub(crate) content: Vec<u8>,
 }
 
 /// Writes values.

@@ -8,7 +8,7 @@ use swerve_tests::{data_or_skip, skipped};
 use swerve_world::{Other, Others};
 
 use super::{ego, settings};
-use crate::{Environment, Sumo};
+use crate::{Environment, LightProgram, Sumo};
 
 /// True if SUMO is there; else the test is counted as skipped.
 fn has_sumo() -> bool {
@@ -83,4 +83,39 @@ fn errors_of_sumo_itself_are_reported() {
     let mut sumo = Sumo::new(settings(&config, &[far]));
     let error = sumo.at(Time::ZERO, &truth, &outline).unwrap_err().0;
     assert!(error.contains("from the nearest lane") && error.contains("world.offset_m"), "{error}");
+}
+
+/// Static programs of the net are those that SUMO runs; programs that differ are followed within a step.
+#[test]
+fn lights_of_sumo_show_the_phases_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(config) = cross(folder.path()).filter(|_| has_sumo()) else { return };
+    let net = data_or_skip("worlds/sumo/made/cross.net.xml").unwrap();
+    let net = swerve_map_io::sumo::read("cross", &std::fs::read_to_string(net).unwrap()).unwrap();
+    let start = Pose2::new(-60.0, -4.8, 0.0);
+    let (truth, outline) = ego(start, 0.0);
+    let corrections = |later_s: f64| {
+        let mut settings = settings(&config, &[start]);
+        for signal in net.lanes.map.signals() {
+            let (light, link) = signal.name.rsplit_once(':').unwrap();
+            let mut program = signal.program.clone().unwrap();
+            program.offset_s += settings.begin_s + settings.warmup_s + later_s;
+            let (light, link) = (light.to_owned(), link.parse().unwrap());
+            settings.lights.push(LightProgram { light, link, program, gives_way: false });
+        }
+        let mut sumo = Sumo::new(settings);
+        let mut counts = Vec::new();
+        for k in 0..1_200 {
+            sumo.at(Time::from_ms(100 * k), &truth, &outline).unwrap();
+            counts.push(sumo.corrections());
+        }
+        counts
+    };
+    assert_eq!(corrections(0.0).iter().sum::<usize>(), 0);
+    // The light is set at its switches only, as SUMO holds a state that it is given.
+    let set = corrections(7.0);
+    let phases = net.programs[0].phases.len() * 1_200 / 10 / 90 + 4;
+    println!("{} commands", set.iter().sum::<usize>());
+    assert!((2..=2 * phases).contains(&set.iter().sum::<usize>()), "{set:?}");
+    assert!(set.array_windows().all(|[a, b]| *a == 0 || *b == 0), "{set:?}");
 }
