@@ -24,9 +24,13 @@ const BEFORE_END_M: f64 = 10.0;
 const SLOWEST_MPS: f64 = 2.5;
 const WAITING_S: f64 = 90.0;
 
+/// Ends of file names.
+const ENDS: [&str; 2] = [".sumocfg", ".sumo.cfg"];
+
 /// True if a path has the name of a configuration of SUMO.
 pub fn is_config(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("sumocfg"))
+    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase());
+    name.is_some_and(|name| ENDS.iter().any(|end| name.ends_with(end)))
 }
 
 fn problem(file: &Path, message: String) -> Problem {
@@ -197,6 +201,15 @@ mod tests {
     }
 
     #[test]
+    fn files_are_recognised_by_their_names() {
+        for (name, expected) in
+            [("a.sumocfg", true), ("a/b.sumo.CFG", true), ("a.cfg", false), ("sumocfg", false)]
+        {
+            assert_eq!(is_config(Path::new(name)), expected, "{name}");
+        }
+    }
+
+    #[test]
     fn configuration_is_a_scenario_on_its_net_with_the_way_of_a_vehicle() {
         let (folder, path) = small(TRIPS);
         let scenario = crate::read_scenario(&path).unwrap();
@@ -233,7 +246,8 @@ mod tests {
         std::fs::write(&path, "<configuration/>").unwrap();
         assert!(refused(&path).contains("line 1:"), "{}", refused(&path));
         let own = folder.path().join("own.toml");
-        std::fs::write(&own, "name = \"x\"\n[map]\nfile = \"m\"\n[world]\nsumo = \"none.sumocfg\"\n").unwrap();
+        std::fs::write(&own, "name = \"x\"\n[map]\nfile = \"m\"\n[world]\nsumo = \"none.sumocfg\"\n")
+            .unwrap();
         assert!(refused(&own).contains("own.toml:5: world.sumo"), "{}", refused(&own));
     }
 
@@ -286,7 +300,8 @@ mod tests {
             return skipped(&missing.to_string());
         }
         let scenario = crate::read_scenario(&files[3]).unwrap();
-        let outcome = |threads| crate::drive_observed(&Setup::default(), &scenario, threads, &mut []).unwrap();
+        let outcome =
+            |threads| crate::drive_observed(&Setup::default(), &scenario, threads, &mut []).unwrap();
         let first = outcome(1);
         assert_eq!(first.metrics.verdict, swerve_eval::Verdict::Avoided, "{:?}", first.metrics.impact);
         assert_eq!(first.metrics.red_lights_passed, 0);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve_map_io::xml::parse;
+use swerve_map_io::xml::{Element, parse};
 
 use crate::SumoError;
 use crate::read::text_of;
@@ -18,7 +18,7 @@ pub(crate) fn without_outputs(path: &Path, folder: &Path, number: usize) -> Resu
     let text = text_of(path)?;
     let file = path.display().to_string();
     let document = parse(&file, &text).map_err(|problems| SumoError::Setting(problems.to_string()))?;
-    let elements = document.descendants().filter(roxmltree::Node::is_element);
+    let elements = document.descendants().filter(Element::is_element);
     let outputs = elements.flat_map(|at| at.attributes()).filter(|one| OUTPUTS.contains(&one.name()));
     let mut ranges: Vec<_> = outputs.map(|one| one.range_value()).collect();
     if ranges.is_empty() {

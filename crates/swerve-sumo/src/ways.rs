@@ -11,7 +11,7 @@ use swerve_map_io::xml::{Element, parse};
 /// If the file is not XML.
 pub fn ways(file: &str, text: &str, most: usize) -> Result<Vec<Vec<String>>, Problems> {
     let document = parse(file, text)?;
-    let elements = document.descendants().filter(roxmltree::Node::is_element);
+    let elements = document.descendants().filter(Element::is_element);
     Ok(elements.filter_map(way).take(most).collect())
 }
 
