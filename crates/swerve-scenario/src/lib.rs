@@ -123,6 +123,10 @@
 //! cyclists = 5                                        # ? 0
 //! ```
 //!
+//! **Another simulator**: in place of `[traffic]`, the table `[world]` names a configuration of SUMO, `sumo`, whose vehicles
+//! are the other road users. `begin_s`, `step_s`, `offset_x_m` and `offset_y_m` are those of the configuration unless
+//! given; `warmup_s` (60), `range_m` (150) and `timeout_s` (60) have defaults. See `docs/sumo.md`.
+//!
 //! **Several egos**, each with a stack of its own, have a table each in place of `[ego]`. The first is the one that triggers
 //! name "ego", and along whose way places of actors are given:
 //!
