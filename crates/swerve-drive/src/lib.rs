@@ -27,6 +27,7 @@ pub mod realtime;
 pub mod scenarios;
 pub mod shipped;
 pub mod suggest;
+pub mod sumo;
 pub mod threads;
 pub mod trust;
 pub mod views;

@@ -17,7 +17,7 @@ use crate::trust::CodeArgs;
 /// Scenario, configuration and overrides of a run.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RunInput {
-    /// Scenario file (TOML, or CommonRoad 2020a as .xml, .xml.gz or .pb), or the name of a built-in one, see `swerve scenarios`
+    /// Scenario file (TOML, CommonRoad 2020a as .xml, .xml.gz or .pb, or a .sumocfg of SUMO), or the name of a built-in one, see `swerve scenarios`
     pub scenario: PathBuf,
     /// Configuration file (TOML), or the name of a built-in one, such as paper. Repeatable: later files override
     /// earlier ones; missing keys have defaults
@@ -59,7 +59,9 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
 fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
     let document = Kind::scenario(path)?;
     let map = Kind::map_of(path, &document);
-    let scenario = Scenario::parse_on(&document.file, &document.text, map.as_ref(), sets)
+    let of_sumo = crate::sumo::left_out(&document).map_err(|problem| problems_error(&[problem]))?;
+    let sets = [&of_sumo, sets].concat();
+    let scenario = Scenario::parse_on(&document.file, &document.text, map.as_ref(), &sets)
         .map_err(|problems| problems_error(&problems))?;
     let names: Vec<String> = Config::pipeline_names().collect();
     let known = |name: &&String| names.contains(name);

@@ -17,7 +17,7 @@ use swerve_stack::config::programs::Layer;
 use swerve_text::{Document, Problem, Problems, nearest};
 
 use crate::load::problems_error;
-use crate::{commonroad, trust};
+use crate::{commonroad, sumo, trust};
 
 /// A built-in file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -400,7 +400,7 @@ impl Kind {
         Document::parse(&given.display().to_string(), text)
     }
 
-    /// Parses a scenario file as TOML, or makes a scenario of one of CommonRoad.
+    /// Parses a scenario file as TOML, or makes a scenario of one of CommonRoad or of a configuration of SUMO.
     ///
     /// # Errors
     /// Same as [`document`](Self::document), or if it is a configuration.
@@ -411,6 +411,9 @@ impl Kind {
         }
         if commonroad::is_scenario(given) {
             return commonroad::document(given);
+        }
+        if sumo::is_config(given) {
+            return sumo::document(given);
         }
         let document = Self::Scenario.document(given)?;
         let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
@@ -423,7 +426,7 @@ impl Kind {
 
     /// Text of the map file that a scenario names, if the program has it and there is none beside the scenario's file.
     pub(crate) fn map_of(given: &Path, scenario: &Document) -> Option<Arc<str>> {
-        if let Some(text) = commonroad::map_of(given) {
+        if let Some(text) = commonroad::map_of(given).or_else(|| sumo::map_of(given)) {
             return Some(text);
         }
         let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);

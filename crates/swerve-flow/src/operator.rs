@@ -81,7 +81,7 @@ pub(crate) struct Task {
 pub(crate) struct Unusual {
     /// Reason to end the run.
     pub(crate) stop_run: Option<String>,
-    /// Reason why a step in another process did not complete.
+    /// Reason why a step did not complete, in another process or for want of something outside.
     pub(crate) lost: Option<String>,
     /// True if the step was the first one after its process was restarted.
     pub(crate) restarted: bool,
@@ -221,6 +221,11 @@ impl Context<'_> {
     /// Ends the run after the sweep of the instant at which this step ends.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
         self.task.unusual.get_or_insert_default().stop_run = Some(reason.into());
+    }
+
+    /// Ends the run with an error: the step has no result, because something outside of the program has failed.
+    pub fn fail_run(&mut self, why: impl Into<String>) {
+        self.task.unusual.get_or_insert_default().lost = Some(why.into());
     }
 }
 

@@ -206,7 +206,7 @@ pub enum RunError {
         /// Panic message.
         message: String,
     },
-    /// A step in another process did not complete.
+    /// A step did not complete: in another process, or for want of something outside of the program.
     #[error("operator `{operator}`: {why}")]
     Lost {
         /// Name of the operator.

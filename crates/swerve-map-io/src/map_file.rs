@@ -36,7 +36,8 @@ enum Names {
 }
 
 impl MapFile {
-    /// Reads the text of a file, whose name decides its format if its root element does not.
+    /// Reads the text of a file, whose name decides its format if its root element does not. A network of SUMO that is far
+    /// from the origin is moved towards it (`sumo::read_near`).
     ///
     /// # Errors
     /// A message of one or more lines: an unknown format, or all faults of the file.
@@ -45,7 +46,7 @@ impl MapFile {
             Format::OpenDrive => return Self::of_network(file, text),
             Format::CommonRoad => commonroad::read(file, text, Centers::Rounded).map(|read| read.lanes),
             Format::Lanelet2 => lanelet2::read(file, text).map(|read| read.lanes),
-            Format::Sumo => sumo::read(file, text).map(|read| read.lanes),
+            Format::Sumo => sumo::read_near(file, text).map(|read| read.lanes),
         };
         let LaneMap { left_hand, map, names, profiles, .. } =
             lanes.map_err(|problems| problems.to_string())?;

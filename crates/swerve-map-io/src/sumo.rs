@@ -5,7 +5,8 @@
 //! beside the flat map. Railways and waterways are left out.
 //!
 //! **Frame.** The coordinates of the file less its `netOffset`: those of the projection. SUMO itself, and TraCI, use the
-//! coordinates of the file.
+//! coordinates of the file. [`read_near`] reads a network whose projection is far from the origin, such as UTM, in
+//! coordinates near it.
 //!
 //! **Lanes.** The shape of a lane is its centre line; vertices at most [`STEP_M`](crate::import::STEP_M) apart are added.
 //! The width is 3.2 m unless the file has another. Lanes of an edge are neighbours. Those of an edge inside a junction
@@ -96,10 +97,35 @@ const KNOWN: [&str; 9] =
 /// # Errors
 /// All faults and defects of the file, if it has at least one fault.
 pub fn read(file: &str, text: &str) -> Result<Net, Problems> {
+    read_with(file, text, |offset_m, _| offset_m)
+}
+
+/// As [`read`], but a network farther from the origin than [`NEAR_M`] is moved towards it: it has the coordinates of the
+/// file if these are near, else they are moved by whole multiples of [`WHOLE_M`] so that its corner in the south-west is
+/// near the origin. [`Net::net_offset_m`] is what the coordinates are moved by.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_near(file: &str, text: &str) -> Result<Net, Problems> {
+    read_with(file, text, shapes::near)
+}
+
+/// Distance from the origin up to which coordinates are near it, metres.
+pub const NEAR_M: f64 = 9_000.0;
+
+/// Coordinates are moved by multiples of this, metres.
+pub const WHOLE_M: f64 = 100.0;
+
+/// Reads a network in coordinates that are moved by an offset, given that of the file and its boundary.
+fn read_with(
+    file: &str,
+    text: &str,
+    moved: fn([f64; 2], Option<[f64; 4]>) -> [f64; 2],
+) -> Result<Net, Problems> {
     let document = parse(file, text)?;
     let root = document.root_element();
     let mut xml = Reader::default();
-    let made = net(&mut xml, root);
+    let made = net(&mut xml, root, moved);
     let (faults, defects, unknown) = xml.finish(file, text);
     match made {
         Some(net) if faults.count() == 0 => {
@@ -110,7 +136,11 @@ pub fn read(file: &str, text: &str) -> Result<Net, Problems> {
 }
 
 /// `None` after faults.
-fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
+fn net(
+    xml: &mut Reader,
+    root: Element<'_>,
+    moved: fn([f64; 2], Option<[f64; 4]>) -> [f64; 2],
+) -> Option<Net> {
     if root.tag_name().name() != "net" {
         xml.fault(root, || "expected the element `net`".to_owned());
         return None;
@@ -119,6 +149,7 @@ fn net(xml: &mut Reader, root: Element<'_>) -> Option<Net> {
     let named = |name: &'static str| children.iter().copied().filter(move |child| child.has_tag_name(name));
     let location = named("location").next();
     let offset_m = location.map_or([0.0; 2], |at| shapes::offset_m(xml, at));
+    let offset_m = moved(offset_m, location.and_then(shapes::boundary_m));
     let left_hand = matches!(root.attribute("lefthand"), Some("true" | "1" | "yes" | "on"));
     let mut edges = Edges::new(offset_m, left_hand);
     named("edge").for_each(|edge| edges.read(xml, edge));

@@ -124,6 +124,10 @@
 //! cyclists = 5                                        # ? 0
 //! ```
 //!
+//! **Another simulator**: in place of `[traffic]`, the table `[world]` names a configuration of SUMO, `sumo`, whose vehicles
+//! are the other road users. `begin_s`, `step_s`, `offset_x_m` and `offset_y_m` are those of the configuration unless
+//! given; `warmup_s` (60), `range_m` (150) and `timeout_s` (60) have defaults. See `docs/sumo.md`.
+//!
 //! **Several egos**, each with a stack of its own, have a table each in place of `[ego]`. The first is the one that triggers
 //! name "ego", and along whose way places of actors are given:
 //!
@@ -156,7 +160,7 @@ pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
-    Standstill, Subject, Track, Traffic, Trigger,
+    Standstill, Subject, SumoWorld, Track, Traffic, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};

@@ -6,6 +6,7 @@ mod expect;
 mod map;
 mod slippery;
 mod track;
+mod world;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -92,7 +93,9 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         top.text("name")
     };
     let description = top.paragraph_like("description", DESCRIPTION, is_description).unwrap_or_default();
-    let ground = Ground::read(top, map);
+    let sumo = world::read(top);
+    let starts_s = sumo.as_ref().map_or(0.0, |sumo| sumo.begin_s + sumo.warmup_s);
+    let ground = Ground::read(top, map, starts_s);
     let tables = egos::tables(top);
     let ways: Vec<_> = tables.iter().map(|ego| ground.ego(top, &ego.table)).collect();
     // After a problem of a way, places of actors are not read.
@@ -125,6 +128,9 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
             top.reading().report(&format!("ego.{name}"), format!("{OF_TRAFFIC} \"{name}\" already"));
         }
     }
+    if sumo.is_some() && !other_egos.is_empty() {
+        top.report("world", "expected one ego in a world with SUMO");
+    }
     unique(&tables, &names, (&ego_name, &other_egos), traffic.as_ref());
     // Actors are numbered in the order of the text, from 1; then come the traffic and other egos.
     let named = (1..).zip(&names).map(|(k, name)| (ActorId(k), name.as_str()));
@@ -156,6 +162,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         end,
         actors,
         traffic,
+        sumo,
         expect,
         draws,
         text: Arc::default(),
@@ -201,7 +208,8 @@ enum Ground {
 }
 
 impl Ground {
-    fn read(top: &TableReader<'_>, text: Option<&Arc<str>>) -> Self {
+    /// Reads road or map; programs of lights in a map start at `starts_s`.
+    fn read(top: &TableReader<'_>, text: Option<&Arc<str>>, starts_s: f64) -> Self {
         if !top.has("map") {
             return Self::Road(road(top));
         }
@@ -210,7 +218,7 @@ impl Ground {
             top.table_if_any("road");
             top.reading().guess();
         }
-        Self::Map(map::read(top, text))
+        Self::Map(map::read(top, text, starts_s))
     }
 
     /// Reads the table of an ego: its start, and the ground with its way. `None` after a problem of map or way.

@@ -23,7 +23,18 @@ pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
 pub fn is_scenario_key(key: &str) -> bool {
     matches!(
         key.split('.').next(),
-        Some("actor" | "end" | "expect" | "map" | "reactive" | "road" | "scenario" | "slippery" | "traffic")
+        Some(
+            "actor"
+                | "end"
+                | "expect"
+                | "map"
+                | "reactive"
+                | "road"
+                | "scenario"
+                | "slippery"
+                | "traffic"
+                | "world"
+        )
     )
 }
 

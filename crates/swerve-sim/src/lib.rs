@@ -1,8 +1,8 @@
 //! The simulated world: a rapier scene with the ego, scripted actors, collisions, infractions and sensors.
 //!
 //! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step: it is a
-//! `swerve_world::World`, and moves each actor by a `swerve_world::Driver`: the script of the scenario, its traffic, or a
-//! recording that brakes for the ego.
+//! `swerve_world::World`, and moves each actor by a `swerve_world::Driver`: the script of the scenario, its traffic, a
+//! recording that brakes for the ego, or another simulator (`swerve_world::Others`), whose road users come and go.
 //! Sensors ([`sense`]) are
 //! functions of that state. Everything is a function of scenario, parameters and seed: no clock, no thread order, no
 //! unseeded random number.

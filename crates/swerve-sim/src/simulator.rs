@@ -1,3 +1,4 @@
+mod outside;
 mod shown;
 mod touch;
 
@@ -15,6 +16,7 @@ use swerve_scenario::{OtherEgo, Scenario};
 use swerve_vehicle::{Shape, VehicleParams};
 use swerve_world::{Driver, Movement, View};
 
+use self::outside::Outside;
 use self::touch::near;
 use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
@@ -74,6 +76,8 @@ pub struct Simulator {
     views: Vec<WorldState>,
     /// The state without absent road users; `None` without recorded ones.
     shown: Option<WorldState>,
+    /// Another simulator of road users, if there is one.
+    outside: Option<Outside>,
 }
 
 /// Car of one ego, and what it is judged by.
@@ -185,6 +189,7 @@ impl Simulator {
             state,
             views: Vec::new(),
             shown: None,
+            outside: None,
         };
         simulator.populate();
         simulator.views = simulator.views();
@@ -300,9 +305,13 @@ impl Simulator {
 
     /// Advances the world by one step under `command` of the first ego and returns the new state.
     ///
-    /// A command that is not finite is refused: the previous one stays in force. One out of range is clamped.
+    /// A command that is not finite is refused: the previous one stays in force. One out of range is clamped. Nothing
+    /// happens once another simulator of road users has failed.
     pub fn step(&mut self, command: Command) -> &WorldState {
         self.egos[0].command = command;
+        if !self.lead(self.state.stamp + self.params.dt) {
+            return self.state();
+        }
         let before = self.before();
         self.state.stamp += self.params.dt;
         self.state.collisions.clear();

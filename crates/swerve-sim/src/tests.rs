@@ -3,6 +3,7 @@
 mod drivers;
 mod egos;
 mod others;
+mod outside;
 mod reacting;
 mod scenarios;
 mod traffic;

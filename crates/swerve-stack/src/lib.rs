@@ -36,6 +36,7 @@ mod site;
 mod stage;
 mod standard;
 pub mod street;
+mod sumo;
 mod trackers;
 mod unseen;
 

@@ -7,8 +7,23 @@ use swerve_map::Map;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Command};
 
+use crate::OthersError;
+
 /// A simulated world.
 pub trait World: Send {
+    /// Starts whatever simulates parts of the world outside; called once, before the first state is read.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    fn start(&mut self) -> Result<(), OthersError> {
+        Ok(())
+    }
+
+    /// Reason why the world cannot advance any more; `None` while it can.
+    fn failure(&self) -> Option<&OthersError> {
+        None
+    }
+
     /// Lanes of the world, the same for the whole run.
     fn map(&self) -> &Arc<Map>;
 

@@ -111,6 +111,8 @@ fn read(path: &Path) -> Result<Document, Problem> {
     const KINDS: [Kind; 5] = [Kind::Scenario, Kind::Config, Kind::Live, Kind::Study, Kind::Timing];
     if swerve_drive::commonroad::is_scenario(path) {
         return swerve_drive::commonroad::document(path);
+    } else if swerve_drive::sumo::is_config(path) {
+        return swerve_drive::sumo::document(path);
     } else if path.exists() {
         return Document::read(path);
     }

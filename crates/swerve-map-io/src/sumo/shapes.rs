@@ -2,6 +2,7 @@
 
 use swerve_geom::{Point2, Vector2};
 
+use super::{NEAR_M, WHOLE_M};
 use crate::import::STEP_M;
 use crate::xml::{Element, Reader, number};
 
@@ -22,6 +23,21 @@ pub(super) fn offset_m(xml: &mut Reader, at: Element<'_>) -> [f64; 2] {
             [0.0; 2]
         }
     }
+}
+
+/// `convBoundary` of the file, metres: smallest x and y, largest x and y; `None` if it has none.
+pub(super) fn boundary_m(at: Element<'_>) -> Option<[f64; 4]> {
+    numbers(at.attribute("convBoundary")?, ',').ok()?.try_into().ok()
+}
+
+/// Offset that brings a network near the origin, given that of its file and its boundary.
+pub(super) fn near(offset_m: [f64; 2], boundary_m: Option<[f64; 4]>) -> [f64; 2] {
+    let Some([x_min, y_min, x_max, y_max]) = boundary_m else { return offset_m };
+    let is_near = |[x, y]: [f64; 2]| {
+        [x_min - x, y_min - y, x_max - x, y_max - y].iter().all(|place| place.abs() <= NEAR_M)
+    };
+    let corner_m = [x_min, y_min].map(|place| (place / WHOLE_M).floor() * WHOLE_M);
+    [offset_m, [0.0; 2]].into_iter().find(|moved| is_near(*moved)).unwrap_or(corner_m)
 }
 
 /// Vertices of a shape.

@@ -255,10 +255,15 @@ const ON_MAP: &str = r#"
     traffic = { vehicles = 3, pedestrians = 2, cyclists = 1 }
 "#;
 
+/// Another simulator in place of the traffic.
+const WORLD: &str = "world = { sumo = 'x.sumocfg', begin_s = 1.0, warmup_s = 1.0, step_s = 0.1, range_m = 99.0, \
+                     timeout_s = 9.0, offset_x_m = 0.0, offset_y_m = 0.0 }";
+
 /// Text of a scenario that has a key; with places of the form that the key belongs to.
 fn scenario_with(key: &str) -> String {
     let is_place = ["start", "via", "goal", "at"].iter().any(|part| key.split('.').any(|one| one == *part));
-    let is_of_map = ["map.", "traffic.", "actor.NAME.track."].iter().any(|start| key.starts_with(start));
+    let is_of_map =
+        ["map.", "traffic.", "world.", "actor.NAME.track."].iter().any(|start| key.starts_with(start));
     if !(is_of_map || is_place) {
         return SCENARIO.to_owned();
     }
@@ -269,7 +274,12 @@ fn scenario_with(key: &str) -> String {
             .map(|y_m| format!("{{ x_m = 1.75, y_m = {y_m:?}, heading_rad = 1.57 }}")),
     };
     let [from, via, to, from_2] = places;
-    ON_MAP.replace("FROM_2", &from_2).replace("FROM", &from).replace("VIA", &via).replace("TO", &to)
+    // A scenario has one of the two.
+    let text = match key.starts_with("world.") {
+        true => ON_MAP.replace("traffic = { vehicles = 3, pedestrians = 2, cyclists = 1 }", WORLD),
+        false => ON_MAP.to_owned(),
+    };
+    text.replace("FROM_2", &from_2).replace("FROM", &from).replace("VIA", &via).replace("TO", &to)
 }
 
 /// Path in the scenario of a key of the list.

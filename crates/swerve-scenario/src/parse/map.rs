@@ -34,6 +34,8 @@ pub(super) struct Loaded {
     pub(super) friction: f64,
     lights: Vec<(Vec<String>, SignalProgram)>,
     closures: Vec<Closure>,
+    /// Time of the programs of the file at the start of the run, seconds.
+    starts_s: f64,
 }
 
 /// A way over the map as a line, with the arc lengths of start and end.
@@ -46,7 +48,8 @@ pub(super) struct Way {
 }
 
 /// Reads the table `[map]` and the file that it names: beside the scenario's file, unless its text is given.
-pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Loaded> {
+/// Its programs of lights are at `starts_s` when the run starts.
+pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>, starts_s: f64) -> Option<Loaded> {
     let table = top.table_if_any("map")?;
     let name = table.text("file");
     let friction = table.number_or("friction", 0.9, FRICTION);
@@ -65,7 +68,7 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>) -> Option<Lo
     match file {
         Ok((file, text)) => {
             check_lights(&tables, &lights, &file.map);
-            let mut loaded = Loaded { name, text, file, friction, lights, closures: Vec::new() };
+            let mut loaded = Loaded { name, text, file, friction, lights, closures: Vec::new(), starts_s };
             loaded.closures = closed.iter().filter_map(|table| loaded.closure(table)).collect();
             Some(loaded)
         }
@@ -260,8 +263,11 @@ impl Loaded {
         let map = &self.file.map;
         let phased = |signal: &Signal| {
             let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
-            let given = self.lights.iter().find(named).map(|(_, program)| program);
-            given.or(signal.program.as_ref()).cloned()
+            let given = self.lights.iter().find(named).map(|(_, program)| program.clone());
+            given.or_else(|| {
+                let program = signal.program.clone()?;
+                Some(SignalProgram { offset_s: program.offset_s + self.starts_s, ..program })
+            })
         };
         let signals = map.signals().iter().filter_map(|signal| Some((signal, phased(signal)?)));
         let light = |(signal, program): (&Signal, SignalProgram)| TrafficLight {

@@ -255,7 +255,7 @@ fn wrong_motion_expectation_and_text_are_reported() {
             "22 end.timeout_s: expected a number from 0.1 to 86400, found 1e-12",
         ]),
         ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
-            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"map\", \"name\", \"reactive\", \"road\", \"seeded\", \"slippery\", \"traffic\"",
+            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"map\", \"name\", \"reactive\", \"road\", \"seeded\", \"slippery\", \"traffic\", \"world\"",
         ]),
         ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : the key `kind` is there twice: expected each key once in a table"]),
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),

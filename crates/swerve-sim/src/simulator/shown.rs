@@ -6,7 +6,7 @@ use swerve_core::Time;
 use swerve_map::Map;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Command};
-use swerve_world::{View, World};
+use swerve_world::{OthersError, View, World};
 
 use super::Simulator;
 use crate::track::is_parked;
@@ -27,6 +27,21 @@ impl Simulator {
 }
 
 impl World for Simulator {
+    fn start(&mut self) -> Result<(), OthersError> {
+        self.lead(self.state.stamp);
+        match self.failure() {
+            Some(error) => Err(error.clone()),
+            None => {
+                self.show();
+                Ok(())
+            }
+        }
+    }
+
+    fn failure(&self) -> Option<&OthersError> {
+        self.outside.as_ref()?.failure.as_ref()
+    }
+
     fn map(&self) -> &Arc<Map> {
         &self.map
     }
@@ -45,7 +60,7 @@ impl World for Simulator {
                 ego.command = *command;
             }
         }
-        while self.state.stamp < until {
+        while self.state.stamp < until && self.failure().is_none() {
             self.step(self.egos[0].command);
         }
         self.state()

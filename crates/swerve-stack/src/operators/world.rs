@@ -16,6 +16,7 @@ use crate::kind::{Kind, Node, Role, Settings};
 use crate::named::NoKeys;
 use crate::namespace::Namespace;
 use crate::site::{Building, Edge, Site};
+use crate::sumo;
 
 /// The simulated world. At its tick `k` it integrates from tick `k - 1` under the commands latched there,
 /// publishes the state, then latches the newest commands.
@@ -36,7 +37,11 @@ impl Steps {
         let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
         let scenario = &site.surroundings().scenario;
         let latched = scenario.egos().iter().map(|(id, _)| (*id, Command::default())).collect();
-        let world = Box::new(Simulator::exact(scenario.clone(), &params)?);
+        let mut simulator = Simulator::exact(scenario.clone(), &params)?;
+        if let Some((others, first)) = sumo::of(simulator.scenario(), params.dt, site.setup().seed)? {
+            simulator.set_others(Box::new(others), first);
+        }
+        let world = Box::new(simulator);
         Ok(Self { world, dt: params.dt, latched, taken: 0, course: site.setup().course.clone() })
     }
 
@@ -45,6 +50,14 @@ impl Steps {
         if self.taken > 0 {
             let until = self.world.state().stamp + self.dt;
             self.world.advance(until, &self.latched);
+        } else {
+            // Its failure is that of the world.
+            let _failed = self.world.start();
+        }
+        if let Some(failure) = self.world.failure() {
+            // Against the wall clock, a lost step alone does not end the run.
+            cx.fail_run(failure.0.clone());
+            cx.stop_run(failure.0.clone());
         }
         for ((_, latched), command) in self.latched.iter_mut().zip(newest) {
             // Commands that are not finite do not reach the pedals.

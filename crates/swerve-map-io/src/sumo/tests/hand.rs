@@ -239,3 +239,25 @@ fn permissions_decide_the_kind_of_a_lane() {
         assert_eq!(kind(attributes), expected, "{attributes}");
     }
 }
+
+#[test]
+fn networks_far_from_the_origin_are_moved_near_it() {
+    let offset_m = |location: &str| {
+        let location = format!("<location {location} origBoundary=\"0,0,1,1\" projParameter=\"!\"/>");
+        let start = SMALL.find("<location").unwrap();
+        let end = start + SMALL[start..].find("/>").unwrap() + 2;
+        let text = format!("{}{location}{}", &SMALL[..start], &SMALL[end..]);
+        crate::sumo::read_near("n.net.xml", &text).unwrap().net_offset_m
+    };
+    for (location, expected_m) in [
+        ("netOffset=\"100.5,-20\" convBoundary=\"0,0,400,300\"", [100.5, -20.0]),
+        ("netOffset=\"-683542.41,-4928877.56\" convBoundary=\"0,0,1817.58,1350.19\"", [0.0, 0.0]),
+        (
+            "netOffset=\"-342498.65,-5630866.92\" convBoundary=\"11543.90,13228.14,12159.14,13425.53\"",
+            [11_500.0, 13_200.0],
+        ),
+        ("netOffset=\"-342498.65,-5630866.92\"", [-342_498.65, -5_630_866.92]),
+    ] {
+        assert_eq!(offset_m(location), expected_m, "{location}");
+    }
+}
