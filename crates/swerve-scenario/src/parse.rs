@@ -113,11 +113,7 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         Ground::Map(_) => (String::new(), NO_START, no_road()),
     });
     let slippery = slippery::read(top, &road, map);
-    let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
-    if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
-        top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
-        tables.truncate(ACTORS_MAX);
-    }
+    let tables = actor_tables(top);
     let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
     let traffic = traffic(top, ActorId(names.len() as u32 + 1));
     let first = traffic.map_or(0, |traffic| traffic.count()) as u32 + names.len() as u32 + 1;
@@ -173,6 +169,16 @@ fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
         }
     }
     scenario
+}
+
+/// Tables of the actors, at most [`ACTORS_MAX`].
+fn actor_tables<'a>(top: &'a TableReader<'a>) -> Vec<TableReader<'a>> {
+    let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
+    if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
+        top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
+        tables.truncate(ACTORS_MAX);
+    }
+    tables
 }
 
 /// Begin of the message for a name that the traffic uses.
