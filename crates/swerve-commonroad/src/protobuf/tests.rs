@@ -65,7 +65,7 @@ fn scenario(length_m: f64) -> Vec<u8> {
             &[
                 whole(1, 5),
                 whole(2, 2),
-                part(3, &[rectangle.clone()]),
+                part(3, std::slice::from_ref(&rectangle)),
                 state(4, 40.0, 1.5, 10.0, 0),
                 part(5, &[trajectory, part(2, &[rectangle])]),
             ],
