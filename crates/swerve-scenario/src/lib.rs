@@ -153,6 +153,7 @@ mod parse;
 mod road;
 mod set;
 mod slippery;
+mod sumo_world;
 mod vary;
 
 pub use draw::sensor_phase;
@@ -160,11 +161,12 @@ pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
-    Standstill, Subject, SumoWorld, Track, Traffic, Trigger,
+    Standstill, Subject, Track, Traffic, Trigger,
 };
 pub use road::{Closure, Course, KERB_M, MapCourse, PAVEMENT_M, Road, Segment, Strip, TrafficLight};
 pub use set::{is_scenario_key, split_sets};
 pub use slippery::Slippery;
+pub use sumo_world::SumoWorld;
 pub use swerve_map::{Aspect, SignalPhase, SignalProgram};
 pub use swerve_msg::truth::Verdict;
 pub use vary::Vary;

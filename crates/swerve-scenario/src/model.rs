@@ -1,4 +1,3 @@
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
@@ -6,7 +5,7 @@ use swerve_msg::{ActorId, ActorKind, ActorNames, Extent};
 use swerve_vehicle::Shape;
 
 use crate::parse::usual_mass_kg;
-use crate::{Course, Expectation, Road, Slippery, Vary, Verdict};
+use crate::{Course, Expectation, Road, Slippery, SumoWorld, Vary, Verdict};
 
 /// A checked scenario: one returned by [`parse`](Self::parse) satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug)]
@@ -41,36 +40,6 @@ pub struct Scenario {
     pub draws: Option<Draws>,
     /// Text that it was read from, for processes that parse it again.
     pub text: Arc<str>,
-}
-
-/// A simulation of SUMO around the ego.
-#[derive(Clone, PartialEq, Debug)]
-pub struct SumoWorld {
-    /// Its configuration (`.sumocfg`). It is not opened here.
-    pub config: PathBuf,
-    /// Simulated time of SUMO at its begin, seconds.
-    pub begin_s: f64,
-    /// Time that SUMO runs before the start of the run, seconds; at least a step.
-    pub warmup_s: f64,
-    /// Step of SUMO, seconds.
-    pub step_s: f64,
-    /// Distance from the ego up to which vehicles are in the world, metres.
-    pub range_m: f64,
-    /// Longest time of an answer, seconds.
-    pub timeout_s: f64,
-    /// Place of SUMO's net at the map's origin, metres.
-    pub offset_m: [f64; 2],
-}
-
-impl SumoWorld {
-    /// Default of [`warmup_s`](Self::warmup_s).
-    pub const WARMUP_S: f64 = 60.0;
-    /// Default of [`step_s`](Self::step_s).
-    pub const STEP_S: f64 = 0.1;
-    /// Default of [`range_m`](Self::range_m).
-    pub const RANGE_M: f64 = 150.0;
-    /// Default of [`timeout_s`](Self::timeout_s).
-    pub const TIMEOUT_S: f64 = 60.0;
 }
 
 /// Numbers of road users that drive and walk over the map by themselves.
