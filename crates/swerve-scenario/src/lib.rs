@@ -124,9 +124,19 @@
 //! cyclists = 5                                        # ? 0
 //! ```
 //!
-//! **Another simulator**: in place of `[traffic]`, the table `[world]` names a configuration of SUMO, `sumo`, whose vehicles
-//! are the other road users. `begin_s`, `step_s`, `offset_x_m` and `offset_y_m` are those of the configuration unless
-//! given; `warmup_s` (60), `range_m` (150) and `timeout_s` (60) have defaults. See `docs/sumo.md`.
+//! **Another simulator**: in place of `[traffic]`, vehicles of SUMO are the other road users. See `docs/sumo.md`.
+//!
+//! ```toml
+//! [world]
+//! sumo = "town.sumocfg"
+//! begin_s = 25200.0                                   # ? that of the configuration, as are step_s and the offset
+//! warmup_s = 300.0                                    # ? 60
+//! step_s = 0.1                                        # ?
+//! range_m = 150.0                                     # ? 150
+//! timeout_s = 60.0                                    # ? 60
+//! offset_x_m = 0.0                                    # ?
+//! offset_y_m = 0.0                                    # ?
+//! ```
 //!
 //! **Several egos**, each with a stack of its own, have a table each in place of `[ego]`. The first is the one that triggers
 //! name "ego", and along whose way places of actors are given:

@@ -177,6 +177,12 @@ fn every_key_of_a_map() -> String {
     documented(source.split("```toml\n").nth(2).unwrap())
 }
 
+/// That of another simulator.
+fn every_key_of_another_simulator() -> String {
+    let source = include_str!("../../../swerve-scenario/src/lib.rs");
+    documented(source.split("```toml\n").nth(3).unwrap())
+}
+
 fn documented(block: &str) -> String {
     let (form, _) = block.split_once("```").unwrap();
     form.lines().map(|line| line.trim_start_matches("//!").to_owned() + "\n").collect()
@@ -201,6 +207,10 @@ fn scenario_schema_has_the_keys_of_the_reader() {
     assert_eq!(wrong(FileKind::Scenario, &every_key()), Vec::<String>::new());
     let on_map = format!("name = \"a\"\n{}", every_key_of_a_map());
     assert_eq!(wrong(FileKind::Scenario, &on_map), Vec::<String>::new());
+    let way = "start = { lane = \"a\", s_m = 1.0 }\ngoal = { lane = \"b\", s_m = 9.0 }";
+    let in_sumo =
+        format!("name = \"a\"\nmap.file = \"a.net.xml\"\n[ego]\n{way}\n{}", every_key_of_another_simulator());
+    assert_eq!(wrong(FileKind::Scenario, &in_sumo), Vec::<String>::new());
     let schema = FileKind::Scenario.schema(&Registry::standard()).to_value();
     let mut all = Vec::new();
     keys(&schema, &schema, "", &mut all);
@@ -214,7 +224,7 @@ fn scenario_schema_has_the_keys_of_the_reader() {
         let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
         assert!(told.iter().any(|problem| problem.contains(&refused[1..])), "{told:?}");
     }
-    let form = every_key() + &every_key_of_a_map();
+    let form = every_key() + &every_key_of_a_map() + &every_key_of_another_simulator();
     for key in all.iter().map(|key| key.rsplit('.').next().unwrap()) {
         let is_used = form.contains(key) || swerve_scenario::Metric::ALL.iter().any(|m| m.name() == key);
         assert!(is_used, "{key} is in the schema, and in no documentation of the text form");

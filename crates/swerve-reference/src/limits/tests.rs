@@ -114,7 +114,7 @@ const MIXED: [&str; 10] = [
 ];
 
 /// Keys whose range is narrowed by another key, and the value of that key that leaves the full range.
-const PARTNERS: [(&str, &str, f64); 12] = [
+const PARTNERS: [(&str, &str, f64); 13] = [
     ("execution.params.detector_max_s", "execution.params.detector_min_s", 0.001),
     ("execution.params.planner_max_s", "execution.params.planner_min_s", 0.001),
     ("execution.params.planner_share_full", "execution.params.planner_share_empty", 0.0),
@@ -122,6 +122,7 @@ const PARTNERS: [(&str, &str, f64); 12] = [
     ("gate.release_at_ms", "gate.enable_at_ms", 0.0),
     ("lidar.NAME.params.range_min_m", "lidar.any.params.range_max_m", 10_000.0),
     ("lidar.NAME.rate_hz", "sim.dt_ms", 1.0),
+    ("operator.NAME.period_ms", "sim.dt_ms", 1.0),
     ("planning.params.horizon_max_s", "planning.params.horizon_min_s", 0.1),
     ("planning.params.lateral_step_m", "planning.params.horizon_max_s", 2.0),
     ("planning.params.left_m", "planning.params.right_m", 100.0),

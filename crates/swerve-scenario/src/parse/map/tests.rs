@@ -182,12 +182,11 @@ fn left_hand_traffic_is_a_warning_and_a_way_far_from_the_origin_is_refused() {
     let (start, goal) = ("{ lane = \"in_2\", s_m = 20.0 }", "{ lane = \"in_2\", s_m = 60.0 }");
     let left = over("m.net.xml", &net.replace("<net ", "<net lefthand=\"true\" "), start, goal).unwrap();
     assert_eq!(left.warnings(), [format!("map.file: {LEFT_HAND}")]);
-    let far = over(
-        "m.net.xml",
-        &net.replace("netOffset=\"100.00,50.00\"", "netOffset=\"0.00,-200000.00\""),
-        start,
-        goal,
-    );
+    // A net in coordinates far from the origin is moved; one that reaches far is refused.
+    let utm = net.replace("netOffset=\"100.00,50.00\"", "netOffset=\"0.00,-200000.00\"");
+    assert!(over("m.net.xml", &utm, start, goal).is_ok());
+    let (here, there) = ("shape=\"0.00,48.25 90.00,48.25\"", "shape=\"150000.00,48.25 150090.00,48.25\"");
+    let far = over("m.net.xml", &net.replace(here, there), start, goal);
     let error = far.unwrap_err();
     assert!(
         error.starts_with("x.toml:3: map.file: the way leads over (")
