@@ -106,7 +106,8 @@ impl Capture {
 
     /// Refuses names that are not among those of all streams.
     pub(crate) fn check(&self, known: &[&str]) -> anyhow::Result<()> {
-        for name in self.wanted.iter().flatten().filter(|name| !known.contains(&name.as_str())) {
+        let unknown = |name: &&String| !known.contains(&name.as_str());
+        if let Some(name) = self.wanted.iter().flatten().find(unknown) {
             let near = swerve_text::did_you_mean(name, known.iter().copied());
             anyhow::bail!("streams: unknown stream `{name}`, expected some of {}{near}", known.join(", "));
         }
