@@ -34,8 +34,6 @@ from swerve.messages import (
 
 EARTH_RADIUS_M = 6_378_137.0
 TRANSVERSE_SCALE = 0.9996  # of CARLA 0.9.16 for maps without a projection
-MAX_STEER_RAD = math.radians(70.0)  # of the wheels of most of CARLA's cars
-STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))  # km/h and share; CARLA's default
 REAR_M = 1.43  # from the rear axle to the origin of CARLA's Lincoln MKZ
 # Optical axes of a camera that looks forward: x right, y down, z forward.
 FORWARD = (-0.5, 0.5, -0.5, 0.5)
@@ -139,8 +137,8 @@ def mounting(inputs: Iterable[str]) -> dict[str, Any]:
     if "roof.points" in inputs:
         keys["lidar.roof.at_m"] = list(Lidar.at_m)
     if "front.rgb" in inputs:
-        values = {"at_m": list(Camera.at_m), "width_px": Camera.width_px, "height_px": Camera.height_px, "fov_deg": Camera.fov_deg}
-        keys |= {f"camera.front.{key}": value for key, value in values.items()}
+        names = ("width_px", "height_px", "fov_deg")
+        keys |= {f"camera.front.{name}": getattr(Camera, name) for name in names} | {"camera.front.at_m": list(Camera.at_m)}
     return keys
 
 
@@ -150,22 +148,34 @@ def inputs_of(config: Any) -> set[str]:
     return {name for name, each in known.items() if each.readers}
 
 
-def wheel_angle(steer: float, speed_mps: float, curve: Sequence[tuple[float, float]] = STEERING_CURVE) -> float:
-    """Angle of the front wheels in radians, positive to the left, by the `steer` of a `carla.VehicleControl`."""
-    return -steer * MAX_STEER_RAD * share(speed_mps, curve)
+@dataclass(frozen=True)
+class Steering:
+    """Range of a car's front wheels; by default that of most of CARLA's cars."""
 
+    max_rad: float = math.radians(70.0)
+    curve: Sequence[tuple[float, float]] = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
+    """Speed in km/h, and share of the range that CARLA grants at it."""
 
-def share(speed_mps: float, curve: Sequence[tuple[float, float]]) -> float:
-    """Share of the wheels' range that CARLA grants at a speed."""
-    return float(np.interp(3.6 * abs(speed_mps), [kmh for kmh, _ in curve], [share for _, share in curve]))
+    @classmethod
+    def of(cls, vehicle: Any) -> Steering:
+        """The range of a `carla.Vehicle`."""
+        physics = vehicle.get_physics_control()
+        curve = tuple((float(point.x), float(point.y)) for point in physics.steering_curve)
+        return cls(math.radians(physics.wheels[0].max_steer_angle), curve or cls.curve)
 
+    def range_rad(self, speed_mps: float) -> float:
+        """Largest angle of the wheels at a speed."""
+        kmh, shares = zip(*self.curve)
+        return self.max_rad * float(np.interp(3.6 * abs(speed_mps), list(kmh), list(shares)))
 
-def pedals(
-    command: Command, speed_mps: float, curve: Sequence[tuple[float, float]] = STEERING_CURVE
-) -> tuple[float, float, float]:
-    """The first fields of a `carla.VehicleControl`: throttle, steer, brake."""
-    steer = -command.steering_rad / (MAX_STEER_RAD * share(speed_mps, curve))
-    return command.throttle, min(max(steer, -1.0), 1.0), command.brake
+    def wheels_rad(self, steer: float, speed_mps: float) -> float:
+        """Angle of the front wheels, positive to the left, by the `steer` of a `carla.VehicleControl`."""
+        return -steer * self.range_rad(speed_mps)
+
+    def control(self, command: Command, speed_mps: float) -> tuple[float, float, float]:
+        """The first fields of a `carla.VehicleControl`: throttle, steer, brake."""
+        steer = -command.steering_rad / self.range_rad(speed_mps)
+        return command.throttle, min(max(steer, -1.0), 1.0), command.brake
 
 
 @dataclass(frozen=True)

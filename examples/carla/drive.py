@@ -52,8 +52,7 @@ class Car:
         model.set_attribute("role_name", "hero")
         self.vehicle = world.spawn_actor(model, start)
         self.actors = [self.vehicle]
-        physics = self.vehicle.get_physics_control()
-        self.curve = [(point.x, point.y) for point in physics.steering_curve] or frames.STEERING_CURVE
+        self.steering = frames.Steering.of(self.vehicle)
         self.collisions: list[Any] = []
         self.add("sensor.other.collision", (frames.REAR_M, 0.0, 0.0), {}).listen(self.collisions.append)
 
@@ -123,7 +122,7 @@ def drive(world: Any, stack: swerve.Stack, car: Car, steps: int) -> None:
         for name, each in data.items():
             feed(stack, name, stamp, each)
         speed_mps = math.hypot(car.vehicle.get_velocity().x, car.vehicle.get_velocity().y)
-        wheels_rad = frames.wheel_angle(car.vehicle.get_control().steer, speed_mps, car.curve)
+        wheels_rad = car.steering.wheels_rad(car.vehicle.get_control().steer, speed_mps)
         here, actors = car.vehicle.get_location(), world.get_actors()
         others = [each for model in ("vehicle.*", "walker.pedestrian.*") for each in actors.filter(model)]
         near = [each for each in others if each.id != car.vehicle.id and each.get_location().distance(here) < SIGHT_M]
@@ -131,7 +130,7 @@ def drive(world: Any, stack: swerve.Stack, car: Car, steps: int) -> None:
         if stack.feed_scene(frames.ego(stamp, car.vehicle, wheels_rad), obstacles):
             break
         command = stack.advance_to(stamp * 1e-9)
-        car.vehicle.apply_control(carla.VehicleControl(*frames.pedals(command, speed_mps, car.curve)))
+        car.vehicle.apply_control(carla.VehicleControl(*car.steering.control(command, speed_mps)))
     car.vehicle.apply_control(carla.VehicleControl(brake=1.0))  # a control holds until the next one
 
 
@@ -146,8 +145,9 @@ def main() -> None:
     before, settings = world.get_settings(), world.get_settings()
     settings.synchronous_mode, settings.fixed_delta_seconds = True, args.step
     world.apply_settings(settings)
-    car = Car(world, args.vehicle, places[args.spawn])
+    car: Car | None = None
     try:
+        car = Car(world, args.vehicle, places[args.spawn])
         world.tick()
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "map.xodr"
@@ -162,7 +162,8 @@ def main() -> None:
                 drive(world, stack, car, round(args.seconds / args.step))
         print(f"{stack.result.verdict}, {stack.now_s:.2f} s, {len(car.collisions)} collisions, digest {stack.result.digest}")
     finally:
-        car.destroy()
+        if car is not None:
+            car.destroy()
         world.apply_settings(before)
 
 

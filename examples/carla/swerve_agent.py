@@ -25,7 +25,7 @@ STEP_S = 0.05
 SPEED_MPS = 8.0
 NOISE_M, DRIFT_M = 0.6, 0.03  # of a fix, and of the dead-reckoned position in a step
 TURN_S = 0.1  # of the Leaderboard's lidar: half a turn in each frame
-CAMERA, LIDAR = frames.Camera(), frames.Lidar()
+CAMERA, LIDAR, STEERING = frames.Camera(), frames.Lidar(), frames.Steering()
 
 
 def get_entry_point() -> str:
@@ -57,11 +57,12 @@ class PoseFilter:
 class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
     """The stack, stepped by the Leaderboard."""
 
+    stack: swerve.Stack | None = None
+
     def setup(self, path_to_conf_file: str, *_: Any) -> None:
         self.track = Track.MAP
         self.config = path_to_conf_file or "lidar_objects"
         self.inputs = frames.inputs_of(self.config)
-        self.stack: swerve.Stack | None = None
         self.filter: PoseFilter | None = None
         self.halves: list[Any] = []
         self.start_s = self.last_s = self.steer = 0.0
@@ -125,10 +126,10 @@ class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
         place = self.rear(fix, self.filter.pose.heading_rad)
         self.filter.step(timestamp - self.last_s, speed_mps, yaw_rate_radps, inertial[6], place)
         self.last_s = timestamp
-        wheels_rad = frames.wheel_angle(self.steer, speed_mps)
+        wheels_rad = STEERING.wheels_rad(self.steer, speed_mps)
         motion = (speed_mps, self.filter.accel_mps2, measured.accel_mps2[1], yaw_rate_radps, wheels_rad)
         self.feed(stamp, EgoState(stamp, self.filter.pose, *motion), measured, data)
-        throttle, self.steer, brake = frames.pedals(self.stack.advance_to(stamp * 1e-9), speed_mps)
+        throttle, self.steer, brake = STEERING.control(self.stack.advance_to(stamp * 1e-9), speed_mps)
         return carla.VehicleControl(throttle, self.steer, brake)
 
     def feed(self, stamp: int, pose: EgoState, measured: Any, data: dict[str, Any]) -> None:

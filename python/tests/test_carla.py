@@ -155,10 +155,11 @@ def test_cloud_has_y_to_the_left_rings_from_below_and_ages(here: Modules) -> Non
 
 
 def test_steering_to_the_left_is_negative_and_grows_with_the_speed(here: Modules) -> None:
-    still, fast = (here.frames.pedals(Command(0.1, 0.2, 0.3), speed) for speed in (0.0, 60 / 3.6))
+    steering = here.frames.Steering()
+    still, fast = (steering.control(Command(0.1, 0.2, 0.3), speed) for speed in (0.0, 60 / 3.6))
     assert close(still, (0.2, -0.1 / math.radians(70.0), 0.3)) and close(fast[1], still[1] / 0.8)
-    assert here.frames.pedals(Command(-2.0, 0.0, 0.0), 0.0)[1] == 1.0
-    assert close(here.frames.wheel_angle(fast[1], 60 / 3.6), 0.1)
+    assert steering.control(Command(-2.0, 0.0, 0.0), 0.0)[1] == 1.0
+    assert close(steering.wheels_rad(fast[1], 60 / 3.6), 0.1)
 
 
 def test_fixes_have_the_places_of_carla_0_9_16_and_of_those_before(here: Modules) -> None:
@@ -196,7 +197,7 @@ for waypoint in town.generate_waypoints(2.0):
         heading_rad = lane.heading_rad[min(numpy.searchsorted(lane.s_m, place.s_m), len(lane.s_m) - 1)]
         places.append(abs(place.d_m))
         turns.append(abs(carla_frames.wrapped(heading_rad - pose.heading_rad)))
-control = carla.VehicleControl(*carla_frames.pedals(swerve.messages.Command(0.1, 0.25, 0.5), 0.0))
+control = carla.VehicleControl(*carla_frames.Steering().control(swerve.messages.Command(0.1, 0.25, 0.5), 0.0))
 assert (control.throttle, control.brake) == (0.25, 0.5) and abs(control.steer + 0.1 / math.radians(70)) < 1e-6
 print(len(fixes), max(fixes), len(places), max(places), math.degrees(max(turns)))
 """
@@ -233,12 +234,13 @@ def test_all_measurements_of_a_bend_describe_one_motion(here: Modules, monkeypat
     frames, world = here.frames, here.world(monkeypatch, version=version)
     car = here.car(world, here.at(300.0, -200.0, 20.0))
     imus, fixes = (listened(here, world, car, f"sensor.other.{kind}", 0.0) for kind in ("imu", "gnss"))
+    car._physics.wheels[0].max_steer_angle = 55.0
     car.apply_control(here.carla.VehicleControl(throttle=0.5, steer=0.2))
     for _ in range(40):
         world.tick()
-    before = frames.ego(0, car, 0.0)
+    steering, before = frames.Steering.of(car), frames.ego(0, car, 0.0)
     world.tick()
-    wheels_rad = frames.wheel_angle(0.2, car.speed_mps)
+    wheels_rad = steering.wheels_rad(0.2, car.speed_mps)
     after = frames.ego(50_000_000, car, wheels_rad)
     imu = frames.imu(0, *((v.x, v.y, v.z) for v in (imus[-1].accelerometer, imus[-1].gyroscope)))
     yaw_rate_radps = (after.pose.heading_rad - before.pose.heading_rad) / 0.05
@@ -336,13 +338,13 @@ def test_driver_keeps_its_lane_for_a_minute(
 
 
 def test_driver_with_mirrored_steering_leaves_its_lane(here: Modules, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    pedals = here.frames.pedals
+    control = here.frames.Steering.control
 
     def mirrored(*all: Any) -> tuple[float, float, float]:
-        throttle, steer, brake = pedals(*all)
+        throttle, steer, brake = control(*all)
         return throttle, -steer, brake
 
-    monkeypatch.setattr(here.frames, "pedals", mirrored)
+    monkeypatch.setattr(here.frames.Steering, "control", mirrored)
     _, margins, _ = driven(here, monkeypatch, capsys, "town", "--spawn", "0", "--goal", "9", "--seconds", "30")
     assert min(margins) < -0.5
 
