@@ -459,3 +459,16 @@ def test_driver_names_a_missing_spawn_point_and_a_silent_sensor(
     monkeypatch.setattr(here.carla.Sensor, "sense", lambda *_: None)
     with pytest.raises(SystemExit, match="sensor imu: no data of frame 1002 in 0.1 s"):
         driven(here, monkeypatch, capsys, "town", "--spawn", "0", "--goal", "9")
+
+
+def test_sensors_are_placed_from_the_middle_of_the_car_with_y_to_the_right(
+    here: Modules, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place_m = (here.frames.REAR_M + 0.5, 0.4, 2.0)
+    world = here.world(monkeypatch)
+    car = here.drive.Car(world, "vehicle.lincoln.mkz_2020", here.at(300.0, -200.0, 0.0))
+    at = car.add("sensor.camera.rgb", place_m, {}).get_transform().location
+    assert close((at.x, at.y, at.z), (300.5, -200.4, 2.0))
+    monkeypatch.setattr(here.agent, "LIDAR", here.frames.Lidar(at_m=place_m))
+    roof = here.agent.SwerveAgent("lidar_objects").sensors()[0]
+    assert close((roof["x"], roof["y"], roof["z"]), (0.5, -0.4, 2.0))
