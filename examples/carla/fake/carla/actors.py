@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from copy import deepcopy
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
@@ -132,6 +131,3 @@ class Vehicle(Actor):
 class ActorList(list[Actor]):
     def filter(self, pattern: str) -> ActorList:
         return ActorList(actor for actor in self if fnmatch(actor.type_id, pattern))
-
-    def __iter__(self) -> Iterator[Actor]:
-        return super().__iter__()
