@@ -68,6 +68,14 @@ def test_the_guest_drives_in_highway_env(tmp_path: Path) -> None:
     assert "crashed: False" in said, said
 
 
+def test_the_stack_turns_left_at_the_crossing_of_highway_env(tmp_path: Path) -> None:
+    # Without the map of the crossing, it crashes in this episode.
+    pytest.importorskip("highway_env")
+    episode = "import sys; sys.path.append(sys.argv[1]); import highway_table; print(highway_table.stack('intersection-v1', 0))"
+    said = python(tmp_path, "-c", episode, EXAMPLES)
+    assert "crashed=False, is_through=True" in said, said
+
+
 def test_highway_env_is_a_world_with_the_digest_of_the_page(tmp_path: Path) -> None:
     pytest.importorskip("highway_env")
     scenario, config = EXAMPLES / "highway_world_scenario.toml", EXAMPLES / "highway_world.toml"
