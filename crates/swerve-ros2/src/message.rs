@@ -174,6 +174,9 @@ messages! {
     RaptorBrakeReport = raptor_dbw_msgs::BrakeReport: header, small;
     RaptorMiscReport = raptor_dbw_msgs::MiscReport: header, small;
     RaptorWheelSpeedReport = raptor_dbw_msgs::WheelSpeedReport: header, small;
+    CarlaEgoVehicleControl = carla_msgs::CarlaEgoVehicleControl: header, small;
+    CarlaEgoVehicleStatus = carla_msgs::CarlaEgoVehicleStatus: header, small;
+    AckermannDriveStamped = ackermann_msgs::AckermannDriveStamped: header, small;
 }
 
 impl Kind {

@@ -4,11 +4,13 @@
 //! Humble to Lyrical): they define the wire format. Units are SI and radians unless a struct states otherwise. Byte
 //! arrays use `serde_bytes`, which copies a megabyte at once instead of byte by byte.
 
+pub mod ackermann_msgs;
 pub mod autoware_control_msgs;
 pub mod autoware_perception_msgs;
 pub mod autoware_planning_msgs;
 pub mod autoware_vehicle_msgs;
 pub mod builtin_interfaces;
+pub mod carla_msgs;
 pub mod ds_dbw_msgs;
 pub mod geometry_msgs;
 pub mod nav_msgs;

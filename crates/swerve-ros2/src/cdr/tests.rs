@@ -76,6 +76,30 @@ fn padded_messages_are_a_multiple_of_four_bytes_long() {
     }
 }
 
+/// Bytes of CARLA's messages, each written by another implementation of CDR from the definitions of the packages.
+#[test]
+fn carla_messages_match_the_bytes_of_another_implementation() {
+    let Some(file) = swerve_tests::data_or_skip("worlds/carla/carla_cdr.json") else { return };
+    let cases: Vec<serde_json::Value> =
+        serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let mut compared = Vec::new();
+    for case in &cases {
+        let Some(kind) = Kind::parse(case["type"].as_str().unwrap()) else { continue };
+        let hex = case["cdr"].as_str().unwrap().as_bytes();
+        let byte = |pair: &[u8]| u8::from_str_radix(core::str::from_utf8(pair).unwrap(), 16).unwrap();
+        let bytes: Vec<u8> = hex.chunks(2).map(byte).collect();
+        let value = kind.deserialize(&case["value"]).unwrap();
+        let ours = encode(&value);
+        // The other implementation does not pad the end.
+        assert_eq!(ours[..bytes.len()], bytes, "{kind}");
+        assert!(ours.len() - bytes.len() < 4, "{kind}");
+        assert_eq!(decode_any(kind, &bytes), Ok(value), "{kind}");
+        compared.push(kind);
+    }
+    let kinds = [Kind::CarlaEgoVehicleControl, Kind::CarlaEgoVehicleStatus, Kind::AckermannDriveStamped];
+    assert!(kinds.iter().all(|kind| compared.contains(kind)), "{compared:?}");
+}
+
 /// The transport matches any type with any: most are rejected by length, the rest by implausible values.
 #[test]
 fn decoder_rejects_messages_of_another_type() {
