@@ -433,7 +433,7 @@ def test_a_hung_operator_is_interrupted(file: Any, tmp_path: Path) -> None:
             time.sleep(5.0)
             program.send_signal(signal.SIGINT)
             try:
-                said, _ = program.communicate(timeout=20.0)
+                said, _ = program.communicate(timeout=180.0)
             finally:
                 program.kill()
             assert said == "interrupted\n" and program.returncode == 0
