@@ -427,13 +427,15 @@ def test_a_hung_operator_is_interrupted(file: Any, tmp_path: Path) -> None:
     study = f"swerve.study({{'name': 's', 'base': {{'scenario': 'lane', 'config': 'c.toml'}}, 'axis': [{{'key': 'seed', 'values': [1, 2]}}]}})"
     (tmp_path / "c.toml").write_text(swerve_config_text(config))
     for call in (f"swerve.run('lane', {config!r}, log='drive.mcap')", study):
-        code = f"import swerve\nprint('begun', flush=True)\ntry:\n    {call}\nexcept KeyboardInterrupt:\n    print('interrupted')"
+        # A job in the background of a shell ignores SIGINT, and so would this program.
+        heeds = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)"
+        code = f"{heeds}\nimport swerve\nprint('begun', flush=True)\ntry:\n    {call}\nexcept KeyboardInterrupt:\n    print('interrupted')"
         with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=tmp_path) as program:
             assert program.stdout is not None and program.stdout.readline() == "begun\n"
             time.sleep(5.0)
             program.send_signal(signal.SIGINT)
             try:
-                said, _ = program.communicate(timeout=180.0)
+                said, _ = program.communicate(timeout=120.0)
             finally:
                 program.kill()
             assert said == "interrupted\n" and program.returncode == 0
