@@ -270,9 +270,9 @@ class DrivingEnv(gymnasium.Env[Observation, Action]):
         return self._layout.observation(np.frombuffer(numbers, np.float32), self._image)
 
     def _go_on(self, action: list[float]) -> Observation:
-        numbers, told = self._drives.step(action)
+        numbers, texts = self._drives.step(action)
         self._taken.append(action)
-        self._before = Facts._make(_facts(told).tolist())
+        self._before = Facts._make(_facts(texts).tolist())
         return self._layout.observation(np.frombuffer(numbers, np.float32), self._image)
 
     def reset(
@@ -424,8 +424,8 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         """Goes on to the next decisions."""
         if self._before is None:
             raise gymnasium.error.ResetNeeded("reset() comes before step()")
-        numbers, told = self._drives.step(self._layout.action(actions))
-        facts = self._told(told)
+        numbers, texts = self._drives.step(self._layout.action(actions))
+        facts = self._told(texts)
         column = Facts._fields.index("ended")
         ended, began = facts[:, column], self._before[:, column] > 0
         rewards = np.asarray(self._reward(self._before, actions, facts), np.float64)

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let text = swerve_text::unpacked(std::fs::read(file)?)?;
         let scenario = Scenario::read(&file.display().to_string(), &text)?;
         let Some(problem) = scenario.problems.first() else { continue };
-        let told = [0.0, BRAKE_MPS2].map(|brake_mps2| {
+        let verdicts = [0.0, BRAKE_MPS2].map(|brake_mps2| {
             let verdict = check(&scenario, &solution(&scenario, problem, brake_mps2));
             let is_hit = verdict
                 .failures
@@ -31,11 +31,16 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .any(|failure| matches!(failure, Failure::Obstacle { from_behind: true, .. }));
             (verdict.is_valid(), is_hit, verdict.official())
         });
-        for (k, (is_valid, is_hit, _)) in told.iter().enumerate() {
+        for (k, (is_valid, is_hit, _)) in verdicts.iter().enumerate() {
             solved[k] += usize::from(*is_valid);
             from_behind[k] += usize::from(*is_hit);
         }
-        println!("{}: straight on {}, standing {}", scenario.benchmark, word(told[0].2), word(told[1].2));
+        println!(
+            "{}: straight on {}, standing {}",
+            scenario.benchmark,
+            word(verdicts[0].2),
+            word(verdicts[1].2)
+        );
     }
     for (name, k) in [("straight on", 0), ("standing", 1)] {
         println!("{name}: {} of {} solved; {} hit from behind", solved[k], files.len(), from_behind[k]);

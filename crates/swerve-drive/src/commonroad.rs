@@ -60,7 +60,8 @@ pub(crate) fn refusal(path: &Path) -> Option<String> {
     })
 }
 
-fn ends_with(path: &Path, end: &str) -> bool {
+/// True if the name of a file has this end, in capitals too.
+pub(crate) fn ends_with(path: &Path, end: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(end))
 }
 

@@ -10,6 +10,8 @@ use swerve_sumo::{SumoConfig, SumoError, car_lanes, text_of, ways};
 use swerve_text::{Document, Problem};
 use toml::{Table, Value};
 
+use crate::commonroad::ends_with;
+
 /// Ways of each route file that are tried, most of all.
 const WAYS_MAX: usize = 200;
 
@@ -29,8 +31,7 @@ const ENDS: [&str; 2] = [".sumocfg", ".sumo.cfg"];
 
 /// True if a path has the name of a configuration of SUMO.
 pub fn is_config(path: &Path) -> bool {
-    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase());
-    name.is_some_and(|name| ENDS.iter().any(|end| name.ends_with(end)))
+    ENDS.iter().any(|end| ends_with(path, end))
 }
 
 fn problem(file: &Path, message: String) -> Problem {

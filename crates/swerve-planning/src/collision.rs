@@ -107,6 +107,17 @@ pub struct Obstacles {
     places: Vec<Solid>,
 }
 
+impl Mover {
+    /// Indices of the places around an instant, and the fraction of the way between them; twice the same at the ends.
+    fn between(&self, instant: Instant) -> (usize, usize, f64) {
+        match instant {
+            Instant::Before => (self.first, self.first, 0.0),
+            Instant::Between(after, u) => (self.first + after - 1, self.first + after, u),
+            Instant::After => (self.end - 1, self.end - 1, 0.0),
+        }
+    }
+}
+
 impl Obstacles {
     /// Creates obstacles from predictions.
     pub fn new(predictions: &[Prediction], mode: CollisionMode) -> Self {
@@ -328,22 +339,17 @@ impl Obstacles {
 
     /// Centre of `mover`: x and y, metres.
     fn center(&self, mover: &Mover, instant: Instant) -> (f64, f64) {
-        let (a, b, u) = match instant {
-            Instant::Before => (mover.first, mover.first, 0.0),
-            Instant::Between(after, u) => (mover.first + after - 1, mover.first + after, u),
-            Instant::After => (mover.end - 1, mover.end - 1, 0.0),
-        };
-        let (a, b) = (&self.places[a], &self.places[b]);
+        let (i, j, u) = mover.between(instant);
+        let (a, b) = (&self.places[i], &self.places[j]);
         (mix(a.x_m, b.x_m, u), mix(a.y_m, b.y_m, u))
     }
 
     /// Outline of `mover`.
     fn solid(&self, mover: &Mover, instant: Instant) -> Solid {
-        let (i, j, u) = match instant {
-            Instant::Before => return self.places[mover.first],
-            Instant::Between(after, u) => (mover.first + after - 1, mover.first + after, u),
-            Instant::After => return self.places[mover.end - 1],
-        };
+        let (i, j, u) = mover.between(instant);
+        if i == j {
+            return self.places[i];
+        }
         let (a, b) = (&self.places[i], &self.places[j]);
         let turn = angle_between(self.heading_rad[i], self.heading_rad[j]);
         let (sin, cos) =

@@ -59,12 +59,11 @@ pub(crate) fn drivers(scenario: &Scenario) -> BTreeMap<ActorId, Box<dyn Driver>>
     let all = recorded().map(|(actor, track)| (actor.id, Played::new(actor.id, track)));
     let all: Recordings = Arc::new(all.collect());
     let vehicles = recorded().filter(|(actor, track)| track.reacts && actor.kind != ActorKind::Pedestrian);
-    let driver = |(actor, track)| {
-        let actor: &swerve_scenario::Actor = actor;
-        let driver = Reacting::new(Played::new(actor.id, track), &all, actor.extent)?;
+    let driver = |actor: &swerve_scenario::Actor| {
+        let driver = Reacting::new(all.get(&actor.id)?.clone(), &all, actor.extent)?;
         Some((actor.id, Box::new(driver) as Box<dyn Driver>))
     };
-    vehicles.filter_map(driver).collect()
+    vehicles.filter_map(|(actor, _)| driver(actor)).collect()
 }
 
 /// A recorded vehicle that brakes for others.

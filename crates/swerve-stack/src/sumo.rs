@@ -28,7 +28,6 @@ pub(crate) fn of(scenario: &Scenario, dt: Span, seed: u64) -> anyhow::Result<Opt
     let first = first_free(scenario);
     let settings = Settings {
         config,
-        program: None,
         step,
         begin_s,
         warmup_s,

@@ -65,12 +65,16 @@ pub struct CellResult {
 impl CellResult {
     /// True if the drive met its scenario's expectations; `None` if it has none.
     pub fn as_expected(&self) -> Option<bool> {
-        self.texts.get(AS_EXPECTED).map(|told| told == "true")
+        self.truth(AS_EXPECTED)
     }
 
     /// True if the ego is at fault in its collision; `None` without one.
     pub(crate) fn at_fault(&self) -> Option<bool> {
-        self.texts.get(AT_FAULT).map(|told| told == "true")
+        self.truth(AT_FAULT)
+    }
+
+    fn truth(&self, column: &str) -> Option<bool> {
+        self.texts.get(column).map(|text| text == "true")
     }
 
     /// Unmet expectations.

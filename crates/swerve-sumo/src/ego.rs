@@ -7,6 +7,7 @@ use swerve_map_io::sumo::Net;
 use swerve_msg::truth::EgoTruth;
 
 use crate::SumoError;
+use crate::states::{LENGTH, WIDTH};
 use crate::wire::{Command, Domain, Insertion, Value};
 
 /// Name of the ego, of its route and of its type in SUMO.
@@ -86,8 +87,8 @@ pub(crate) fn insertion(outline: &Obb) -> [Command; 3] {
     };
     [
         Command::add_vehicle(EGO, &insertion),
-        size(0x44, 2.0 * outline.half_length_m),
-        size(0x4d, 2.0 * outline.half_width_m),
+        size(LENGTH, 2.0 * outline.half_length_m),
+        size(WIDTH, 2.0 * outline.half_width_m),
     ]
 }
 

@@ -16,8 +16,8 @@ use crate::wire::Value;
 const POSITION: u8 = 0x42;
 const ANGLE: u8 = 0x43;
 const SPEED: u8 = 0x40;
-const LENGTH: u8 = 0x44;
-const WIDTH: u8 = 0x4d;
+pub(crate) const LENGTH: u8 = 0x44;
+pub(crate) const WIDTH: u8 = 0x4d;
 const HEIGHT: u8 = 0xbc;
 const CLASS: u8 = 0x49;
 

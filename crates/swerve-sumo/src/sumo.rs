@@ -40,8 +40,6 @@ const INSERTIONS_MAX: u32 = 50;
 pub struct Settings {
     /// The configuration (`.sumocfg`).
     pub config: PathBuf,
-    /// The program; `None` to search it.
-    pub program: Option<PathBuf>,
     /// Step of SUMO.
     pub step: Span,
     /// Simulated time of SUMO at its begin, seconds.
@@ -107,10 +105,7 @@ impl Sumo {
             .map_err(|problems| SumoError::Setting(problems.to_string()))?;
         self.settings.lights.iter_mut().for_each(|link| link.gives_way = gives_way(&net, link));
         self.edges = ego::edges(&net, &name, &self.settings.stops, self.settings.offset_m)?;
-        let program = match &self.settings.program {
-            Some(program) => program.clone(),
-            None => Environment::of_process().program()?,
-        };
+        let program = Environment::of_process().program()?;
         let folder = tempfile::tempdir().map_err(|error| SumoError::Setting(error.to_string()))?;
         let arguments = arguments(&config, &self.settings, folder.path())?;
         let mut process = Process::start(&program, &arguments)?;
@@ -144,9 +139,9 @@ impl Sumo {
     fn begin(&mut self, running: Running, ego: &EgoTruth, outline: &Obb) -> Result<(), SumoError> {
         let running = self.running.insert(running);
         let Settings { begin_s, warmup_s, step, .. } = self.settings;
-        match running.send(&[Command::version()])?.pop() {
-            Some(Answer::Version(PROTOCOL_MIN.., _)) => {}
-            Some(Answer::Version(version, program)) => {
+        match running.client.ask(Command::version())? {
+            Answer::Version(PROTOCOL_MIN.., _) => {}
+            Answer::Version(version, program) => {
                 return Err(SumoError::Setting(format!(
                     "{program} has version {version} of TraCI, expected at least {PROTOCOL_MIN}"
                 )));
@@ -159,8 +154,8 @@ impl Sumo {
         if free_s > 0.5 * step.as_secs() {
             running.send(&[Command::step(begin_s + free_s)])?;
         }
-        let known = match running.send(&[Command::get(Domain::Light, 0x00, "")])?.pop() {
-            Some(Answer::Value(Value::Texts(names))) => names,
+        let known = match running.client.ask(Command::get(Domain::Light, 0x00, ""))? {
+            Answer::Value(Value::Texts(names)) => names,
             found => return Err(SumoError::Answer(format!("expected names of lights, found {found:?}"))),
         };
         running.lights = Lights::of(&self.settings.lights, &known);

@@ -41,7 +41,6 @@ fn ego(center: Pose2, speed_mps: f64) -> (EgoTruth, Obb) {
 fn settings(config: &std::path::Path, stops: &[Pose2]) -> Settings {
     Settings {
         config: config.to_owned(),
-        program: None,
         step: Span::from_ms(100),
         begin_s: 0.0,
         warmup_s: 10.0,

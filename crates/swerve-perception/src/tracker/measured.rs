@@ -85,11 +85,9 @@ impl<'a> Measured<'a> {
         side(Column2::new(cos, sin), from.length_m, to.length_m)
             + side(Column2::new(-sin, cos), from.width_m, to.width_m)
     }
-}
 
-impl Measured<'_> {
     /// True if its position, hence its near faces, are measured and not supposed.
-    pub(super) fn is_sure(&self) -> bool {
+    fn is_sure(&self) -> bool {
         self.found.covariance_m2.map_or(self.covariance.trace(), |[xx, _, yy]| xx + yy) < SURE_M2
     }
 
@@ -98,11 +96,11 @@ impl Measured<'_> {
     /// directions; along the sight they walk if their distance is not sure: two distances that differ by their errors
     /// make no sprint.
     pub(super) fn velocity_m2ps2(&self, speed_mps: f64) -> Matrix2<f64> {
-        let round = spread(Column2::new(1.0, 0.0), [speed_mps; 2]);
-        let axis = Column2::new(math::cos(self.heading_rad), math::sin(self.heading_rad));
+        let round = Matrix2::identity() * (speed_mps * speed_mps);
+        let (sin, cos) = math::sin_cos(self.heading_rad);
         match Group::of(self.found.kind) {
             Group::Vehicle => {
-                let along = spread(axis, [speed_mps, speed_mps.min(ACROSS_MPS)]);
+                let along = spread(Column2::new(cos, sin), [speed_mps, speed_mps.min(ACROSS_MPS)]);
                 let variance = (self.sight.transpose() * along * self.sight)[0];
                 let doubt = |radial_mps: f64| radial_mps * radial_mps * (1.0 / variance - 1.0 / round.m11);
                 let is_wrong = self.found.radial_speed_mps.is_some_and(|mps| doubt(mps) > AXIS_DOUBT);

@@ -76,22 +76,22 @@ impl Table {
     }
 
     fn problems(&self, setup: &Setup) -> KeyProblems {
-        let mut told = KeyProblems::new();
+        let mut problems = KeyProblems::new();
         let found = match &*self.message {
             "" => Err("expected the type of its messages, such as `ObstacleList`".to_owned()),
             name => message(name, &setup.registry).map(drop),
         };
-        told.extend(found.err().map(|why| ("message".to_owned(), why)));
+        problems.extend(found.err().map(|why| ("message".to_owned(), why)));
         let dt_ms = setup.sim.dt_ms;
         if span_of_ms(self.period_ms).ns() % span_of_ms(dt_ms).ns().max(1) != 0 {
             let why = format!(
                 "expected a multiple of the step of the world, sim.dt_ms = {dt_ms}, found {}",
                 self.period_ms
             );
-            told.push(("period_ms".into(), why));
+            problems.push(("period_ms".into(), why));
         }
-        told.extend(self.out_of_range().into_iter().map(problem));
-        told
+        problems.extend(self.out_of_range().into_iter().map(problem));
+        problems
     }
 }
 
@@ -171,11 +171,11 @@ mod tests {
         ];
         for (keys, expected) in cases {
             let world = WORLD.replace("message = 'ObstacleList'\n", keys);
-            let told = read(&format!("{world}{PROCESS}")).unwrap_err();
-            assert!(told.iter().any(|line| line.contains(expected)), "{keys}: {told:#?}");
+            let problems = read(&format!("{world}{PROCESS}")).unwrap_err();
+            assert!(problems.iter().any(|line| line.contains(expected)), "{keys}: {problems:#?}");
         }
-        let told = read(WORLD).unwrap_err();
+        let problems = read(WORLD).unwrap_err();
         let expected = "operator.world.kind: its steps are taken by a process";
-        assert!(told.iter().any(|line| line.contains(expected)), "{told:#?}");
+        assert!(problems.iter().any(|line| line.contains(expected)), "{problems:#?}");
     }
 }
