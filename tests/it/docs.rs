@@ -1,4 +1,4 @@
-//! README, ARCHITECTURE and the how-to pages are correct: commands parse, files exist, settings are valid, code is
+//! README, ARCHITECTURE, CONTRIBUTING and the how-to pages are correct: commands parse, files exist, settings are valid, code is
 //! quoted literally.
 //!
 //! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
@@ -17,7 +17,7 @@ fn root() -> &'static Path {
 /// A page: path relative to the root, and text.
 fn pages() -> Vec<(PathBuf, String)> {
     let mut paths: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "docs/README.md"].map(PathBuf::from).into();
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/README.md"].map(PathBuf::from).into();
     paths.extend(markdown("docs/howto"));
     paths.sort();
     assert!(paths.len() >= 9, "pages are missing: {paths:?}");
@@ -189,23 +189,54 @@ fn listed_figures_are_in_their_pages() {
     assert!(seen >= 20, "only {seen} figures found");
 }
 
-/// The folder and the site (`docs/SUMMARY.md` is its list) have the same pages.
+/// `docs/SUMMARY.md` is the one table of contents: mdBook reads it, and ignores the text after a link.
 #[test]
-fn every_page_is_in_the_lists() {
-    let docs = root().join("docs");
-    let listed = |file: &str| -> Vec<String> {
-        let text = std::fs::read_to_string(docs.join(file)).unwrap();
-        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
-        links.filter(|link| link.ends_with(".md")).map(str::to_owned).collect()
-    };
-    let lists = ["README.md", "SUMMARY.md"];
-    for folder in ["", "howto/"] {
-        for entry in std::fs::read_dir(docs.join(folder)).unwrap() {
-            let page = format!("{folder}{}", entry.unwrap().file_name().to_string_lossy());
-            for list in lists.iter().filter(|_| page.ends_with(".md") && !lists.contains(&&*page)) {
-                assert!(listed(list).contains(&page), "docs/{list} does not list {page}");
-            }
-        }
+fn contents_list_every_page_once_by_subject() {
+    const SUBJECTS: [&str; 10] = [
+        "Contents",
+        "Start",
+        "Scenarios and maps",
+        "Sensors and perception",
+        "Planning and control",
+        "Studies",
+        "Vehicles and ROS 2",
+        "Other simulators",
+        "Extending",
+        "Reference",
+    ];
+    let contents = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
+    let subjects: Vec<&str> = contents.lines().filter_map(|line| line.strip_prefix("# ")).collect();
+    assert_eq!(subjects, SUBJECTS);
+    let mut listed = links(&contents);
+    listed.sort();
+    let pages = markdown("docs").chain(markdown("docs/howto"));
+    let mut pages: Vec<String> =
+        pages.map(|page| page.strip_prefix("docs").unwrap().to_string_lossy().into_owned()).collect();
+    pages.retain(|page| page != "SUMMARY.md");
+    pages.sort();
+    assert_eq!(listed, pages, "docs/SUMMARY.md lists each page of docs/ and docs/howto/ once");
+    let other = std::fs::read_to_string(root().join("docs/README.md")).unwrap();
+    assert!(!other.contains("- ["), "docs/README.md has a list of links: expected it in docs/SUMMARY.md");
+}
+
+/// Below each picture of the gallery is the command that makes it; each picture of `docs/img` is on a page.
+#[test]
+fn pictures_have_commands_and_pages() {
+    let gallery = std::fs::read_to_string(root().join("docs/gallery.md")).unwrap();
+    let pictures: Vec<&str> = gallery.split("![").skip(1).collect();
+    for picture in &pictures {
+        let (_, below) = picture.split_once("```sh\n").unwrap_or_default();
+        let command = below.split("```").next().unwrap_or_default();
+        let has_command = words(command).first().is_some_and(|word| word == "swerve");
+        let name = picture.split([']', '\n']).next().unwrap_or_default();
+        assert!(has_command, "docs/gallery.md: no command of swerve below the picture `{name}`");
+    }
+    assert!(pictures.len() >= 15, "only {} pictures found", pictures.len());
+    let pages = markdown("docs").chain(markdown("docs/howto")).chain([PathBuf::from("README.md")]);
+    let pages: String = pages.map(|page| std::fs::read_to_string(root().join(page)).unwrap()).collect();
+    for entry in std::fs::read_dir(root().join("docs/img")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        assert!(pages.contains(&format!("img/{name})")), "docs/img/{name} is on no page");
     }
 }
 
@@ -242,6 +273,7 @@ fn every_named_file_exists() {
         "README.md",
         "ARCHITECTURE.md",
         "CHANGELOG.md",
+        "CONTRIBUTING.md",
         "crates/",
         "configs/",
         "scenarios/",
@@ -286,8 +318,8 @@ fn every_named_file_exists() {
 fn links_lead_to_existing_targets_and_leave_the_site_only_by_https() {
     let root = root().canonicalize().unwrap();
     let mut anchors = 0;
-    let mut pages =
-        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md"].map(|page| root.join(page)).to_vec();
+    let top = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
+    let mut pages = top.map(|page| root.join(page)).to_vec();
     for folder in ["docs", "docs/howto"] {
         let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
