@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use swerve::cli;
 
-fn root() -> &'static Path {
+pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
@@ -33,6 +33,17 @@ fn markdown(folder: &str) -> impl Iterator<Item = PathBuf> {
     let files = std::fs::read_dir(root().join(folder)).unwrap();
     let files = files.map(move |entry| Path::new(folder).join(entry.unwrap().file_name()));
     files.filter(|path| path.extension().is_some_and(|extension| extension == "md"))
+}
+
+/// All pages of the site: those of `docs/` and its folders.
+pub(crate) fn site() -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap());
+    let folders = entries.filter(|entry| entry.path().is_dir());
+    let folders = folders.map(|folder| format!("docs/{}", folder.file_name().to_string_lossy()));
+    let folders: Vec<String> = folders.chain(["docs".to_owned()]).collect();
+    let mut pages: Vec<PathBuf> = folders.iter().flat_map(|folder| markdown(folder)).collect();
+    pages.sort();
+    pages
 }
 
 /// A fenced block: location, info string, text.
@@ -67,7 +78,7 @@ fn blocks_of(pages: Vec<(PathBuf, String)>) -> Vec<Block> {
 }
 
 /// Words of a shell line, as far as pages need it: quotes, comments; variables are replaced by 1.
-fn words(line: &str) -> Vec<String> {
+pub(crate) fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for c in line.chars() {
         match (c, quote) {
@@ -120,7 +131,8 @@ fn calls(line: &str) -> Vec<Vec<String>> {
 fn every_command_parses() {
     let mut seen = 0;
     let mut pages = pages();
-    let more = markdown("docs").filter(|path| !path.ends_with("README.md"));
+    let known: Vec<PathBuf> = pages.iter().map(|(path, _)| path.clone()).collect();
+    let more = site().into_iter().filter(|path| !known.contains(path));
     pages.extend(more.map(|path| (path.clone(), std::fs::read_to_string(root().join(path)).unwrap())));
     for block in blocks_of(pages).iter().filter(|block| block.info == "sh") {
         for line in block.text.replace("\\\n", " ").lines() {
@@ -187,57 +199,6 @@ fn listed_figures_are_in_their_pages() {
         }
     }
     assert!(seen >= 20, "only {seen} figures found");
-}
-
-/// `docs/SUMMARY.md` is the one table of contents: mdBook reads it, and ignores the text after a link.
-#[test]
-fn contents_list_every_page_once_by_subject() {
-    const SUBJECTS: [&str; 10] = [
-        "Contents",
-        "Start",
-        "Scenarios and maps",
-        "Sensors and perception",
-        "Planning and control",
-        "Studies",
-        "Vehicles and ROS 2",
-        "Other simulators",
-        "Extending",
-        "Reference",
-    ];
-    let contents = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
-    let subjects: Vec<&str> = contents.lines().filter_map(|line| line.strip_prefix("# ")).collect();
-    assert_eq!(subjects, SUBJECTS);
-    let mut listed = links(&contents);
-    listed.sort();
-    let pages = markdown("docs").chain(markdown("docs/howto"));
-    let mut pages: Vec<String> =
-        pages.map(|page| page.strip_prefix("docs").unwrap().to_string_lossy().into_owned()).collect();
-    pages.retain(|page| page != "SUMMARY.md");
-    pages.sort();
-    assert_eq!(listed, pages, "docs/SUMMARY.md lists each page of docs/ and docs/howto/ once");
-    let other = std::fs::read_to_string(root().join("docs/README.md")).unwrap();
-    assert!(!other.contains("- ["), "docs/README.md has a list of links: expected it in docs/SUMMARY.md");
-}
-
-/// Below each picture of the gallery is the command that makes it; each picture of `docs/img` is on a page.
-#[test]
-fn pictures_have_commands_and_pages() {
-    let gallery = std::fs::read_to_string(root().join("docs/gallery.md")).unwrap();
-    let pictures: Vec<&str> = gallery.split("![").skip(1).collect();
-    for picture in &pictures {
-        let (_, below) = picture.split_once("```sh\n").unwrap_or_default();
-        let command = below.split("```").next().unwrap_or_default();
-        let has_command = words(command).first().is_some_and(|word| word == "swerve");
-        let name = picture.split([']', '\n']).next().unwrap_or_default();
-        assert!(has_command, "docs/gallery.md: no command of swerve below the picture `{name}`");
-    }
-    assert!(pictures.len() >= 15, "only {} pictures found", pictures.len());
-    let pages = markdown("docs").chain(markdown("docs/howto")).chain([PathBuf::from("README.md")]);
-    let pages: String = pages.map(|page| std::fs::read_to_string(root().join(page)).unwrap()).collect();
-    for entry in std::fs::read_dir(root().join("docs/img")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(pages.contains(&format!("img/{name})")), "docs/img/{name} is on no page");
-    }
 }
 
 /// `swerve keys --markdown > docs/keys.md` updates it.
@@ -320,10 +281,7 @@ fn links_lead_to_existing_targets_and_leave_the_site_only_by_https() {
     let mut anchors = 0;
     let top = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
     let mut pages = top.map(|page| root.join(page)).to_vec();
-    for folder in ["docs", "docs/howto"] {
-        let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
-        pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
-    }
+    pages.extend(site().iter().map(|page| root.join(page)));
     for page in pages {
         let name = page.strip_prefix(&root).unwrap().display();
         for link in links(&std::fs::read_to_string(&page).unwrap()) {
@@ -357,7 +315,7 @@ fn running_text(page: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Targets of a page's links and pictures.
-fn links(page: &str) -> Vec<String> {
+pub(crate) fn links(page: &str) -> Vec<String> {
     let of = |line: &str| {
         // Text between backticks is code.
         let text: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
