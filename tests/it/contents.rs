@@ -69,3 +69,14 @@ fn changelog_has_short_lines_in_groups() {
         assert!(["Breaking", "Added", "Changed", "Fixed"].contains(&group), "unknown group {group}");
     }
 }
+
+/// `CITATION.cff` is of the newest version in the change log.
+#[test]
+fn citation_has_the_newest_version() {
+    let read = |name: &str| std::fs::read_to_string(root().join(name)).unwrap();
+    let (changes, citation) = (read("CHANGELOG.md"), read("CITATION.cff"));
+    let newest = changes.lines().filter_map(|line| line.strip_prefix("## [")).nth(1).unwrap();
+    let (version, date) = newest.split_once("] - ").unwrap();
+    let expected = format!("version: {version}\ndate-released: {date}\n");
+    assert!(citation.contains(&expected), "CITATION.cff: expected `{}`", expected.trim_end());
+}

@@ -1,5 +1,5 @@
-//! README, ARCHITECTURE, CONTRIBUTING and the how-to pages are correct: commands parse, files exist, settings are valid, code is
-//! quoted literally.
+//! README, ARCHITECTURE, CONTRIBUTING and the how-to pages are correct: commands parse, files exist, settings are valid,
+//! code is quoted literally.
 //!
 //! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
 //! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of
