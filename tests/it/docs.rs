@@ -1,5 +1,5 @@
-//! README, ARCHITECTURE and the how-to pages are correct: commands parse, files exist, settings are valid, code is
-//! quoted literally.
+//! README, ARCHITECTURE, CONTRIBUTING and the how-to pages are correct: commands parse, files exist, settings are valid,
+//! code is quoted literally.
 //!
 //! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
 //! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of
@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 
 use swerve::cli;
 
-fn root() -> &'static Path {
+pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
 /// A page: path relative to the root, and text.
 fn pages() -> Vec<(PathBuf, String)> {
     let mut paths: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "docs/README.md"].map(PathBuf::from).into();
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/README.md"].map(PathBuf::from).into();
     paths.extend(markdown("docs/howto"));
     paths.sort();
     assert!(paths.len() >= 9, "pages are missing: {paths:?}");
@@ -33,6 +33,17 @@ fn markdown(folder: &str) -> impl Iterator<Item = PathBuf> {
     let files = std::fs::read_dir(root().join(folder)).unwrap();
     let files = files.map(move |entry| Path::new(folder).join(entry.unwrap().file_name()));
     files.filter(|path| path.extension().is_some_and(|extension| extension == "md"))
+}
+
+/// All pages of the site: those of `docs/` and its folders.
+pub(crate) fn site() -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap());
+    let folders = entries.filter(|entry| entry.path().is_dir());
+    let folders = folders.map(|folder| format!("docs/{}", folder.file_name().to_string_lossy()));
+    let folders: Vec<String> = folders.chain(["docs".to_owned()]).collect();
+    let mut pages: Vec<PathBuf> = folders.iter().flat_map(|folder| markdown(folder)).collect();
+    pages.sort();
+    pages
 }
 
 /// A fenced block: location, info string, text.
@@ -67,7 +78,7 @@ fn blocks_of(pages: Vec<(PathBuf, String)>) -> Vec<Block> {
 }
 
 /// Words of a shell line, as far as pages need it: quotes, comments; variables are replaced by 1.
-fn words(line: &str) -> Vec<String> {
+pub(crate) fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for c in line.chars() {
         match (c, quote) {
@@ -120,7 +131,8 @@ fn calls(line: &str) -> Vec<Vec<String>> {
 fn every_command_parses() {
     let mut seen = 0;
     let mut pages = pages();
-    let more = markdown("docs").filter(|path| !path.ends_with("README.md"));
+    let known: Vec<PathBuf> = pages.iter().map(|(path, _)| path.clone()).collect();
+    let more = site().into_iter().filter(|path| !known.contains(path));
     pages.extend(more.map(|path| (path.clone(), std::fs::read_to_string(root().join(path)).unwrap())));
     for block in blocks_of(pages).iter().filter(|block| block.info == "sh") {
         for line in block.text.replace("\\\n", " ").lines() {
@@ -189,26 +201,6 @@ fn listed_figures_are_in_their_pages() {
     assert!(seen >= 20, "only {seen} figures found");
 }
 
-/// The folder and the site (`docs/SUMMARY.md` is its list) have the same pages.
-#[test]
-fn every_page_is_in_the_lists() {
-    let docs = root().join("docs");
-    let listed = |file: &str| -> Vec<String> {
-        let text = std::fs::read_to_string(docs.join(file)).unwrap();
-        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
-        links.filter(|link| link.ends_with(".md")).map(str::to_owned).collect()
-    };
-    let lists = ["README.md", "SUMMARY.md"];
-    for folder in ["", "howto/"] {
-        for entry in std::fs::read_dir(docs.join(folder)).unwrap() {
-            let page = format!("{folder}{}", entry.unwrap().file_name().to_string_lossy());
-            for list in lists.iter().filter(|_| page.ends_with(".md") && !lists.contains(&&*page)) {
-                assert!(listed(list).contains(&page), "docs/{list} does not list {page}");
-            }
-        }
-    }
-}
-
 /// `swerve keys --markdown > docs/keys.md` updates it.
 #[test]
 fn page_of_keys_equals_the_programs_output() {
@@ -242,6 +234,7 @@ fn every_named_file_exists() {
         "README.md",
         "ARCHITECTURE.md",
         "CHANGELOG.md",
+        "CONTRIBUTING.md",
         "crates/",
         "configs/",
         "scenarios/",
@@ -286,12 +279,9 @@ fn every_named_file_exists() {
 fn links_lead_to_existing_targets_and_leave_the_site_only_by_https() {
     let root = root().canonicalize().unwrap();
     let mut anchors = 0;
-    let mut pages =
-        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md"].map(|page| root.join(page)).to_vec();
-    for folder in ["docs", "docs/howto"] {
-        let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
-        pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
-    }
+    let top = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
+    let mut pages = top.map(|page| root.join(page)).to_vec();
+    pages.extend(site().iter().map(|page| root.join(page)));
     for page in pages {
         let name = page.strip_prefix(&root).unwrap().display();
         for link in links(&std::fs::read_to_string(&page).unwrap()) {
@@ -325,7 +315,7 @@ fn running_text(page: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Targets of a page's links and pictures.
-fn links(page: &str) -> Vec<String> {
+pub(crate) fn links(page: &str) -> Vec<String> {
     let of = |line: &str| {
         // Text between backticks is code.
         let text: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");

@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 mod common; // scenarios, configurations and recorded runs for the others
+mod contents; // the table of contents, the gallery, the change log
 mod determinism; // the digest: threads, seeds, repeats, recorded run times
 mod docs; // pages: commands, files, code and settings that they show
 mod drives; // drives observed from outside

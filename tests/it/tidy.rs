@@ -255,6 +255,9 @@ fn pages_keep_their_length() {
         let lines = std::fs::read_to_string(root().join(page)).unwrap().lines().count();
         within(page, lines, lines_max);
     }
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let words = readme.split_whitespace().count();
+    assert!(words <= 1200, "README.md has {words} words, more than 1200");
 }
 
 /// Number of files touched by a new operator, four, and by a new sensor, five: for existing ones, the sources that know
