@@ -26,7 +26,7 @@ fn built_in_mappings_are_complete() {
             );
         }
         assert!(mapping.topic("lidar").is_some() && mapping.topic("clock").is_some());
-        assert_eq!(mapping.topic("command").is_some(), vehicle == Vehicle::Autoware);
+        assert_eq!(mapping.topic("command").is_some(), matches!(vehicle, Vehicle::Autoware | Vehicle::Carla));
         assert_eq!(
             mapping.topic("steering_command").is_some(),
             matches!(vehicle, Vehicle::Dataspeed | Vehicle::Raptor)
@@ -93,7 +93,7 @@ fn mapping_errors_name_the_key_and_the_nearest_valid_one() {
     let cases = [
         ("vehicel = 'autoware'", "vehicel: unknown key; did you mean `vehicle`?"),
         ("vehicle = 'autowear'",
-         "vehicle: expected one of \"autoware\", \"dataspeed\", \"raptor\", \"plain\", found \"autowear\"; did you mean `autoware`?"),
+         "vehicle: expected one of \"autoware\", \"dataspeed\", \"raptor\", \"carla\", \"plain\", found \"autowear\"; did you mean `autoware`?"),
         ("topics.lidr.topic = '/points'",
          "topics.lidr: unknown topic; one of another name needs `role`; did you mean `lidar`?"),
         ("topics.lidar.quos = 'sensor'", "topics.lidar.quos: unknown key; did you mean `qos`?"),
