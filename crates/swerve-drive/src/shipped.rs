@@ -170,6 +170,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
     "configs/live/carla.toml"
+    "configs/live/carla_native.toml"
     "configs/live/dataspeed.toml"
     "configs/live/plain.toml"
     "configs/live/raptor.toml"

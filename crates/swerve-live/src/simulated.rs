@@ -22,6 +22,8 @@ const BACK_MAX: Span = Span::from_ms(100);
 const STEP_MAX: Span = Span::from_ms(10_000);
 /// Messages with stamps up to this much ahead of the clock wait until it reaches them: they may overtake its message.
 const EARLY_MAX: Span = Span::from_ms(500);
+/// Number of messages further ahead, within [`STEP_MAX`] and since the latest advance, after which the clock is silent.
+const AHEAD_MAX: u32 = 5;
 /// Real time without an advance after which the user is notified.
 const STANDS_AFTER: Span = Span::from_ms(1000);
 /// Longest sleep while waiting for the first message.
@@ -88,15 +90,11 @@ impl DriveClock {
         self.simulated().is_some_and(|clock| lock(&clock.state).failure.is_some())
     }
 
-    /// Returns true if a message with this stamp has overtaken the message of the clock.
+    /// Returns true if a message with this stamp has overtaken the message of the clock. Several messages that are
+    /// further ahead are a failure: the simulator goes on, but its clock is silent.
     pub fn is_early(&self, stamp: Option<builtin::Time>) -> bool {
         let (Some(clock), Some(stamp)) = (self.simulated(), stamp) else { return false };
-        if self.has_failed() {
-            return false;
-        }
-        let ahead =
-            Span::from_ns(stamp.ns().saturating_sub(clock.epoch_ns)) - (clock.time.now() - Time::ZERO);
-        ahead > Span::ZERO && ahead <= EARLY_MAX
+        clock.judge(Time::from_ns(stamp.ns().saturating_sub(clock.epoch_ns)))
     }
 }
 
@@ -116,6 +114,8 @@ struct State {
     moved: Time,
     /// True if the user was notified that it stands still.
     stands: bool,
+    /// Messages that were too far ahead since the latest advance.
+    ahead: u32,
     failure: Option<String>,
 }
 
@@ -173,25 +173,51 @@ impl Simulated {
         }
         let now = self.time.now();
         let heard = Time::from_ns(clock.clock.ns().saturating_sub(self.epoch_ns));
-        let clock_s = |time: Time| 1e-9 * self.epoch_ns.saturating_add(time.ns()) as f64;
+        let (from_s, to_s) = (self.clock_s(now), self.clock_s(heard));
         if heard.saturating_add(BACK_MAX) < now {
-            let (from_s, to_s) = (clock_s(now), clock_s(heard));
             let what = format!(
                 "simulated time jumped back from {from_s:.3} s to {to_s:.3} s: the simulator was reset, or two \
                  programs publish the topic `clock`"
             );
             state.failure = Some(what);
         } else if heard > now.saturating_add(STEP_MAX) {
-            let (from_s, to_s) = (clock_s(now), clock_s(heard));
             let what = format!(
                 "simulated time jumped ahead from {from_s:.3} s to {to_s:.3} s: expected steps of at most {:.0} s",
                 STEP_MAX.as_secs()
             );
             state.failure = Some(what);
         } else if heard > now {
-            state.moved = self.host.now();
+            (state.moved, state.ahead) = (self.host.now(), 0);
             self.time.advance(heard);
         }
+    }
+
+    /// Returns true if a message with this stamp, in run time, has overtaken the message of the clock.
+    fn judge(&self, stamp: Time) -> bool {
+        let mut state = lock(&self.state);
+        let now = self.time.now();
+        if state.failure.is_some() || stamp <= now || stamp > now.saturating_add(STEP_MAX) {
+            return false;
+        }
+        if stamp <= now.saturating_add(EARLY_MAX) {
+            return true;
+        }
+        state.ahead += 1;
+        if state.ahead >= AHEAD_MAX {
+            state.failure = Some(format!(
+                "simulated time stood still at {:.3} s while the stamps of messages reached {:.3} s: the topic \
+                 `clock` is silent, or its messages are more than {:.1} s apart",
+                self.clock_s(now),
+                self.clock_s(stamp),
+                EARLY_MAX.as_secs()
+            ));
+        }
+        false
+    }
+
+    /// Time of the simulator's clock at a run time, seconds.
+    fn clock_s(&self, time: Time) -> f64 {
+        1e-9 * self.epoch_ns.saturating_add(time.ns()) as f64
     }
 
     /// Checks that it advances. A failure is final and returned by each call.
@@ -201,7 +227,7 @@ impl Simulated {
             return Some(ClockEvent::Failed(what.clone()));
         }
         let still = self.host.now() - state.moved;
-        let clock_s = 1e-9 * self.epoch_ns.saturating_add(self.time.now().ns()) as f64;
+        let clock_s = self.clock_s(self.time.now());
         if still > self.timeout {
             let what = format!(
                 "simulated time stood still at {clock_s:.3} s for {:.1} s (live.clock_timeout_s)",

@@ -71,3 +71,19 @@ fn messages_that_overtake_the_clock_are_early_until_it_reaches_them() {
     assert!(!early(1050));
     assert!(!DriveClock::from(HostClock::start()).is_early(stamp(1050)));
 }
+
+#[test]
+fn clock_that_is_silent_while_messages_go_on_fails() {
+    let clock = started(1000, 60_000);
+    let drive = DriveClock::Simulated(clock.clone());
+    let hear = |ms| drive.is_early(Some(message(ms).clock));
+    // Sensors with another clock are not the simulator's.
+    assert!((0..20).all(|_| !hear(1_700_000_000)) && clock.check().is_none());
+    assert!((0..4).all(|_| !hear(1550)) && clock.check().is_none());
+    clock.hear(&message(1040));
+    assert!((0..4).all(|_| !hear(1550)) && clock.check().is_none());
+    assert!(!hear(1600));
+    let expected = "simulated time stood still at 1.040 s while the stamps of messages reached 1.600 s: the topic \
+                    `clock` is silent, or its messages are more than 0.5 s apart";
+    assert_eq!(failure(&clock), expected);
+}

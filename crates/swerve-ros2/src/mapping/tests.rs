@@ -39,6 +39,31 @@ fn built_in_mappings_are_complete() {
     assert!(!autoware.topic("lidar").unwrap().qos.reliable);
 }
 
+/// The bridge's writers are reliable and volatile, so that readers of either kind receive; its reader is reliable.
+#[test]
+fn carla_topics_have_the_names_types_and_frames_of_its_bridge() {
+    let carla = Mapping::of(Vehicle::Carla, Network::default());
+    for (name, topic, kind, is_reliable, frame) in [
+        ("clock", "/clock", Kind::Clock, false, ""),
+        ("odometry", "/carla/hero/odometry", Kind::Odometry, true, "map"),
+        ("velocity", "/carla/hero/vehicle_status", Kind::CarlaEgoVehicleStatus, true, ""),
+        ("command", "/carla/hero/vehicle_control_cmd", Kind::CarlaEgoVehicleControl, true, ""),
+        ("imu", "/carla/hero/imu", Kind::Imu, false, "hero/imu"),
+        ("gnss", "/carla/hero/gnss", Kind::NavSatFix, false, "hero/gnss"),
+        ("lidar", "/carla/hero/lidar", Kind::PointCloud2, false, "hero/lidar"),
+        ("camera", "/carla/hero/rgb_front/image", Kind::Image, false, "hero/rgb_front"),
+        ("camera_info", "/carla/hero/rgb_front/camera_info", Kind::CameraInfo, false, "hero/rgb_front"),
+    ] {
+        let found = carla.topic(name).unwrap();
+        assert_eq!(
+            (found.topic.as_str(), found.kind, found.qos.reliable, found.frame.as_str()),
+            (topic, kind, is_reliable, frame),
+            "{name}"
+        );
+        assert!(!found.qos.transient_local, "{name}: the bridge's writers are volatile");
+    }
+}
+
 #[test]
 fn mapping_table_changes_only_the_named_keys() {
     let mapping = parse(
