@@ -8,6 +8,7 @@ use swerve_ros2::msg::rosgraph_msgs;
 use swerve_ros2::msg::std_msgs::Header;
 use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
 
+use super::super::intake::{Arrived, Input};
 use super::*;
 
 /// Step of the simulator, seconds of simulated time.
