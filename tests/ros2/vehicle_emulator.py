@@ -268,4 +268,5 @@ def main():
     tell()
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -169,6 +169,8 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/lidar_localizer.toml"
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
+    "configs/live/carla.toml"
+    "configs/live/carla_native.toml"
     "configs/live/dataspeed.toml"
     "configs/live/plain.toml"
     "configs/live/raptor.toml"

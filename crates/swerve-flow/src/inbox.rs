@@ -100,8 +100,15 @@ impl Inbox {
         self.bell.notify_one();
     }
 
-    /// Sleeps until `due` on the real clock, or until a report arrives.
-    pub(crate) fn wait(&self, pace: Pace, due: Time) -> Wake {
+    /// Wakes the engine, which reads its clock again.
+    pub(crate) fn nudge(&self) {
+        // A thread about to sleep has read the clock already, or reads it once this lock is free.
+        drop(self.lock());
+        self.bell.notify_one();
+    }
+
+    /// Sleeps until `due` on the clock, or until a report arrives.
+    pub(crate) fn wait(&self, pace: &Pace, due: Time) -> Wake {
         let mut state = self.lock();
         loop {
             if self.is_stopped() {
@@ -116,7 +123,7 @@ impl Inbox {
                 state.rung = false;
                 return Wake::Reports(core::mem::take(&mut state.arrivals), now);
             }
-            state = if due == Time::MAX {
+            state = if due == Time::MAX || !pace.runs_by_itself() {
                 self.bell.wait(state).unwrap_or_else(PoisonError::into_inner)
             } else {
                 let left = Duration::from_nanos((due - now).ns().unsigned_abs());
@@ -130,7 +137,7 @@ impl Inbox {
 pub(crate) enum Wake {
     /// An instant is due.
     Due,
-    /// Sources or workers reported, at this time of the real clock.
+    /// Sources or workers reported, at this time of the clock.
     Reports(VecDeque<Arrival>, Time),
     /// The run has to end.
     Stop,

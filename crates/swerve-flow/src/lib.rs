@@ -106,6 +106,7 @@ mod report;
 mod runtime;
 mod sent;
 mod session;
+mod simulated_time;
 mod stream;
 #[cfg(test)]
 mod tests;
@@ -139,7 +140,8 @@ pub use runtime::{RecordedTimes, RuntimeModel};
 pub use sent::Outs;
 pub use sent::Sent;
 pub use session::{Fed, FeedError, Reached, Session, Watched};
+pub use simulated_time::SimulatedTime;
 pub use stream::{AnyFeedback, AnyStream, Feedback, Source, Stream};
 pub use swerve_flow_derive::{Inputs, Outputs};
 pub use virtual_time::{run_replay, run_virtual};
-pub use wall::run_wall;
+pub use wall::{run_paced, run_wall};

@@ -8,6 +8,7 @@ mod loops;
 mod memory;
 mod named;
 mod net;
+mod paced;
 mod ports;
 mod promises;
 mod remote;

@@ -12,6 +12,7 @@ use crate::inbox::{Inbox, Wake};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::report::{EndReason, RunError, RunReport};
+use crate::simulated_time::SimulatedTime;
 
 /// Runs a graph against the real clock. Its sources are fed through their handles; steps of heavy operators run on
 /// worker threads, all others on this one.
@@ -27,20 +28,45 @@ pub fn run_wall(
     options: &RunOptions,
     observers: Vec<&mut dyn Observer>,
 ) -> Result<RunReport, RunError> {
+    run_by(graph, options, observers, Pace::begin())
+}
+
+/// As [`run_wall`], against simulated time that another program publishes, instead of the real clock.
+///
+/// A step takes the simulated time that passes while it is executed: none while the clock stands still. Instants are
+/// executed as soon as the clock reaches or passes them, several at once if it advances in large increments.
+///
+/// # Errors
+/// As for [`run_wall`].
+pub fn run_paced(
+    graph: Graph,
+    options: &RunOptions,
+    observers: Vec<&mut dyn Observer>,
+    clock: &SimulatedTime,
+) -> Result<RunReport, RunError> {
+    clock.wakes(graph.inbox.clone());
+    run_by(graph, options, observers, Pace::Simulated(clock.clone()))
+}
+
+fn run_by(
+    graph: Graph,
+    options: &RunOptions,
+    observers: Vec<&mut dyn Observer>,
+    pace: Pace,
+) -> Result<RunReport, RunError> {
     let inbox = graph.inbox.clone();
     let bell = inbox.clone();
-    let pace = Pace::begin();
     let doorbell = Arc::new(move || bell.ring());
-    let mut engine = Engine::new(graph, options, None, observers, Some((pace, doorbell as _)))?;
+    let mut engine = Engine::new(graph, options, None, observers, Some((pace.clone(), doorbell as _)))?;
     engine.decide(|| Decision::Begin { wall_clock: true });
-    let end = pursue(&mut engine, options.until.unwrap_or(Time::MAX), pace, &inbox);
+    let end = pursue(&mut engine, options.until.unwrap_or(Time::MAX), &pace, &inbox);
     inbox.close();
     let at = engine.now();
     engine.decide(|| Decision::End { at });
     engine.finish(end)
 }
 
-fn pursue(engine: &mut Engine<'_>, until: Time, pace: Pace, inbox: &Inbox) -> EndReason {
+fn pursue(engine: &mut Engine<'_>, until: Time, pace: &Pace, inbox: &Inbox) -> EndReason {
     engine.wake_all();
     engine.sweep(Time::ZERO);
     while !engine.is_over() {

@@ -10,6 +10,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{SendError, StopHandle};
 use swerve_msg::{GateMode, Route, StopCause, Switch, WireAlarm};
 use swerve_report::progress::LiveLine;
+use swerve_ros2::AnyMessage;
 use swerve_ros2::mapping::Role;
 
 use super::engage::{Engagement, Situation};
@@ -18,9 +19,10 @@ pub use super::input::TopicState;
 use super::input::{Arrived, Input};
 use super::intake::{Intake, Request, TopicSummary};
 use super::shared::lock;
+use super::simulated::{ClockEvent, DriveClock};
 use super::sink::{Order, stop_takes};
 use super::watch::DriveStatus;
-use super::wire::{HostClock, Wire};
+use super::wire::{Taken, Wire};
 
 /// Longest sleep of the thread.
 const WAKE: Duration = Duration::from_millis(10);
@@ -83,7 +85,7 @@ pub struct Feed<'a> {
     /// Roles of the topics that provide the ego's position.
     pub located_by: &'static [Role],
     /// Time of the run.
-    pub clock: HostClock,
+    pub clock: DriveClock,
     /// State machine of the switch.
     pub engagement: Engagement,
     /// Status of the drive, as published by the graph.
@@ -116,6 +118,8 @@ pub struct FeedReport {
     pub why: &'static str,
     /// True if all required topics were ever present at the same time.
     pub was_ready: bool,
+    /// Failure of simulated time that ended the drive.
+    pub clock_failure: Option<String>,
 }
 
 /// State of ending the drive.
@@ -139,9 +143,10 @@ struct Memory {
     was_ready: bool,
     mode: GateMode,
     behind: bool,
+    clock_failure: Option<String>,
 }
 
-impl Feed<'_> {
+impl<'a> Feed<'a> {
     /// Runs until all threads are done.
     pub fn run(mut self) -> FeedReport {
         let mut memory = Memory {
@@ -156,18 +161,17 @@ impl Feed<'_> {
             was_ready: false,
             mode: GateMode::Manual,
             behind: false,
+            clock_failure: None,
         };
+        let mut early = Vec::new();
         while !self.flags.done.load(Ordering::Acquire) {
             self.wire.wait(WAKE);
             if self.flags.run_over.load(Ordering::Acquire) {
                 // No more orders: the sink ends.
                 self.orders = None;
             }
-            for _ in 0..AT_ONCE {
-                let Some(taken) = self.wire.take() else { break };
-                let now = self.clock.at_host(taken.received_ns);
-                self.intake.take(taken.name, &taken.message, now, &mut memory.out);
-            }
+            early = self.receive(early, &mut memory.out);
+            self.watch_the_clock(&mut memory);
             self.hand_on(&mut memory);
             self.watch_the_wire(&mut memory);
             self.work_the_switch(&mut memory);
@@ -175,7 +179,48 @@ impl Feed<'_> {
             self.report(&mut memory);
         }
         let why = memory.end.map_or("the run ended by itself", |end| end.why);
-        FeedReport { intake: self.intake, not_taken: memory.not_taken, why, was_ready: memory.was_ready }
+        let Memory { not_taken, was_ready, clock_failure, .. } = memory;
+        FeedReport { intake: self.intake, not_taken, why, was_ready, clock_failure }
+    }
+
+    /// Converts waiting messages. Returns those that have overtaken the message of simulated time, for the next round.
+    fn receive(&mut self, mut early: Vec<Taken<'a>>, out: &mut Vec<Arrived>) -> Vec<Taken<'a>> {
+        let wire = self.wire;
+        let is_full = early.len() >= AT_ONCE;
+        for taken in std::iter::from_fn(|| wire.take()).take(AT_ONCE) {
+            if let (AnyMessage::Clock(message), Some(clock)) = (&taken.message, self.clock.simulated()) {
+                clock.hear(message);
+            }
+            early.push(taken);
+        }
+        early.retain(|taken| {
+            if !is_full && self.clock.is_early(taken.message.stamp()) {
+                return true;
+            }
+            let now = self.clock.at_host(taken.received_ns);
+            self.intake.take(taken.name, &taken.message, now, out);
+            false
+        });
+        early
+    }
+
+    /// Ends the drive if simulated time has failed: no instant follows at which the engine could stop the car, so the
+    /// sink does.
+    fn watch_the_clock(&mut self, memory: &mut Memory) {
+        let Some(event) = self.clock.simulated().and_then(|clock| clock.check()) else { return };
+        let now = self.clock.now();
+        match event {
+            ClockEvent::Note(what) => self.status_sink.note(now, &what),
+            ClockEvent::Failed(what) if memory.clock_failure.is_none() => {
+                self.status_sink.note(now, &what);
+                memory.clock_failure = Some(what);
+                memory.end = Some(End::new("simulated time failed", now, &self.status));
+                self.intake.ignore_stamps();
+                self.engagement.end();
+                self.stop.stop();
+            }
+            ClockEvent::Failed(_) => {}
+        }
     }
 
     fn hand_on(&mut self, memory: &mut Memory) {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 use swerve_core::{Span, Time};
-use swerve_geom::{Ego, Point, Transform};
+use swerve_geom::{Ego, Point, Pose2, Transform, math};
 use swerve_msg::{CameraInfo, EgoState, Gnss, Image, Imu, Obstacle, ObstacleList, PointCloud, WheelOdometry};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::clock::{ClockParams, StampVerdict};
@@ -21,6 +21,7 @@ use swerve_stack::config::perception::image_camera;
 
 pub use super::input::{Arrived, Input, names};
 use super::shared::lock;
+use super::simulated::DriveClock;
 use super::time::TopicClock;
 use super::vehicle::{Car, VehicleInterface};
 
@@ -122,6 +123,9 @@ pub enum Request {
 /// Converts messages to inputs of the graph. Reads no clock: the instant of arrival is passed in.
 pub struct Intake {
     epoch_ns: i64,
+    /// Distance of reported poses ahead of the centre of the rear axle, metres.
+    pose_ahead_m: f64,
+    ignores_stamps: bool,
     map: String,
     base_link: String,
     topics: BTreeMap<String, Topic>,
@@ -190,6 +194,8 @@ impl Intake {
         };
         Self {
             epoch_ns,
+            pose_ahead_m: live.pose_ahead_m,
+            ignores_stamps: false,
             map: mapping.map_frame.clone(),
             base_link: mapping.base_frame.clone(),
             topics: mapping.topics.iter().map(topic).collect(),
@@ -202,6 +208,20 @@ impl Intake {
             accel: Acceleration::default(),
             requests: Vec::new(),
         }
+    }
+
+    /// Sets the clock of the drive: by simulated time, no offsets of stamps are estimated.
+    #[must_use]
+    pub fn judged_by(mut self, clock: &DriveClock) -> Self {
+        if clock.simulated().is_some() {
+            self.topics.values_mut().for_each(|topic| topic.clock.use_simulated_time());
+        }
+        self
+    }
+
+    /// Accepts messages with any stamp from now on: simulated time has failed, but the sink needs the vehicle's speed.
+    pub fn ignore_stamps(&mut self) {
+        self.ignores_stamps = true;
     }
 
     /// State of the vehicle, shared with the sink.
@@ -260,7 +280,9 @@ impl Intake {
             refused.implausible += 1;
             invalid.to_string()
         })?;
-        let Some(stamp) = message.stamp() else { return Ok(topic.clock.unstamped(now)) };
+        let Some(stamp) = message.stamp().filter(|_| !self.ignores_stamps) else {
+            return Ok(topic.clock.unstamped(now));
+        };
         topic.clock.time(stamp.ns(), now, self.epoch_ns).map_err(|verdict| {
             let (counter, why) = match verdict {
                 StampVerdict::Backwards => {
@@ -290,7 +312,7 @@ impl Intake {
                 let accel_mps2 = self.accel.at(stamp, speed_mps);
                 let beside = Beside { accel_mps2, steering_rad: self.steering_rad() };
                 let ego = ego_from_ros(odometry, self.epoch(), &self.map, &self.base_link, beside)?;
-                Input::Pose(EgoState { stamp, ..ego })
+                Input::Pose(EgoState { stamp, pose: self.rear_axle(ego.pose), ..ego })
             }
             AnyMessage::PoseStamped(pose) => self.pose(&pose.header, &pose.pose, stamp)?,
             AnyMessage::PoseWithCovarianceStamped(pose) => self.pose(&pose.header, &pose.pose.pose, stamp)?,
@@ -393,6 +415,13 @@ impl Intake {
         let wheels = WheelOdometry { speed_mps, yaw_rate_radps, steering_rad, ..WheelOdometry::default() };
         let accel_mps2 = self.accel.at(stamp, speed_mps);
         let ego = ego_from_pose(header, pose, self.epoch(), &self.map, &wheels, accel_mps2)?;
-        Ok(Input::Pose(EgoState { stamp, ..ego }))
+        Ok(Input::Pose(EgoState { stamp, pose: self.rear_axle(ego.pose), ..ego }))
+    }
+
+    /// Pose of the centre of the rear axle for a reported pose.
+    fn rear_axle(&self, reported: Pose2) -> Pose2 {
+        let (sin, cos) = math::sin_cos(reported.heading_rad);
+        let (x_m, y_m) = (reported.x_m - self.pose_ahead_m * cos, reported.y_m - self.pose_ahead_m * sin);
+        Pose2::new(x_m, y_m, reported.heading_rad)
     }
 }

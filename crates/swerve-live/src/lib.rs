@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`input`], [`intake`] | inputs of the graph; from live or recorded ROS messages to them |
 //! | [`time`] | from a sensor's clock to run time |
+//! | [`simulated`] | clock of a drive: the host's, or simulated time |
 //! | [`vehicle`] | vehicle interfaces: reports and commands; one small trait for each |
 //! | [`graph`] | the graph, with sources instead of the simulated world |
 //! | [`wire`] | transport of messages: the bridge, or a substitute in tests |
@@ -33,6 +34,7 @@ pub mod recorded;
 pub mod ros2;
 mod route;
 mod shared;
+pub mod simulated;
 pub mod sink;
 pub mod summary;
 pub mod time;
@@ -56,7 +58,7 @@ use swerve_drive::page::COMMAND;
 use swerve_drive::process::Processes;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::views::live_views;
-use swerve_flow::{Observer, RunOptions, run_wall};
+use swerve_flow::{Graph, Observer, RunError, RunOptions, RunReport, run_paced, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
@@ -64,7 +66,7 @@ use swerve_report::files::RunFolder;
 use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
 use swerve_stack::Registry;
-use swerve_stack::config::live::EnableBy;
+use swerve_stack::config::live::{EnableBy, LiveClock};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignments;
 
@@ -75,6 +77,7 @@ use feed::{ControlFlags, Feed, Goal, StatusSink};
 use graph::LiveGraph;
 use intake::Intake;
 pub use route::route_problems;
+use simulated::{DriveClock, Simulated};
 use sink::Sink;
 use summary::Summary;
 use watch::Outlet;
@@ -193,7 +196,14 @@ pub fn drive(
     // Each process needs a thread that waits for it, in addition to those requested.
     let options = DriveOptions { threads: options.threads + drive.config.process.len(), ..options };
     // Run time starts once everything is ready, for the engine as for messages.
-    drive_graph(drive, graph, wire, options, observers, HostClock::start())
+    let clock = match drive.live.clock {
+        LiveClock::Host => HostClock::start().into(),
+        LiveClock::Topic => {
+            let timeout = Span::from_secs(drive.live.clock_timeout_s);
+            DriveClock::Simulated(Simulated::wait_for(wire, timeout, &options.flags.interrupted)?)
+        }
+    };
+    drive_graph(drive, graph, wire, options, observers, clock)
 }
 
 /// As [`drive`](self::drive), with an existing graph.
@@ -203,12 +213,12 @@ fn drive_graph(
     wire: &dyn Wire,
     options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
-    clock: HostClock,
+    clock: DriveClock,
 ) -> anyhow::Result<Driven> {
     let Drive { config, live, mapping, scenario, .. } = drive;
     let DriveOptions { until, threads, status_sink, flags } = options;
     let interface = || vehicle::interface(mapping.vehicle, config);
-    let intake = Intake::new(mapping, interface(), config, clock.epoch_ns());
+    let intake = Intake::new(mapping, interface(), config, clock.epoch_ns()).judged_by(&clock);
     let (orders, received) = mpsc::channel();
     let status = Arc::new(Mutex::new(watch::DriveStatus::default()));
     let stop_max = Span::from_secs(live.stop_timeout_s);
@@ -218,7 +228,7 @@ fn drive_graph(
         wire,
         interface: interface(),
         car: intake.car(),
-        clock,
+        clock: clock.clone(),
         epoch: intake.epoch(),
         stop,
         stop_max,
@@ -232,7 +242,7 @@ fn drive_graph(
         intake,
         inputs,
         located_by: located_by(config),
-        clock,
+        clock: clock.clone(),
         engagement: Engagement::new(live.enable, Span::from_secs(live.enable_timeout_s)),
         status,
         orders: Some(orders),
@@ -258,7 +268,7 @@ fn drive_graph(
         let report = {
             let mut all: Vec<&mut dyn Observer> = vec![&mut outlet];
             all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
-            run_wall(graph, &options, all)
+            run_by(&clock, graph, &options, all)
         };
         let figures = outlet.conclude();
         drop(over);
@@ -272,6 +282,19 @@ fn drive_graph(
             figures,
         })
     })
+}
+
+/// Runs a graph, paced by a clock.
+fn run_by(
+    clock: &DriveClock,
+    graph: Graph,
+    options: &RunOptions,
+    observers: Vec<&mut dyn Observer>,
+) -> Result<RunReport, RunError> {
+    match clock.simulated() {
+        None => run_wall(graph, options, observers),
+        Some(clock) => run_paced(graph, options, observers, clock.time()),
+    }
 }
 
 /// Sets a flag when dropped, also during a panic.
@@ -381,6 +404,9 @@ fn conclude(
     drive.report(&out.path)?;
     swerve_report::output::print(&if args.json { json } else { summary.text() + &place })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
+    if let Some(failure) = driven.feed.clock_failure {
+        anyhow::bail!("{failure}: the drive ended");
+    }
     anyhow::ensure!(
         driven.feed.was_ready || args.seconds.is_none(),
         "not all topics that are needed were there: {}",

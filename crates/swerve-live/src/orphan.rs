@@ -78,7 +78,7 @@ fn stop_over(
         wire,
         interface: commands,
         car: car.clone(),
-        clock,
+        clock: clock.into(),
         epoch: Epoch { ns: clock.epoch_ns() },
         stop,
         stop_max: Span::from_secs(live.stop_timeout_s),

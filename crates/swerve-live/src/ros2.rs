@@ -28,9 +28,11 @@ use serde::Serialize;
 use swerve_flow::Observer;
 use swerve_report::output::align;
 use swerve_ros2::bridge::{Direction, EndpointId, Options, ServiceSide};
+use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
 use swerve_ros2::transport::Transport;
 use swerve_stack::Setup;
+use swerve_stack::config::LiveConfig;
 use swerve_stack::pipeline::Pipeline;
 
 use drive::{DriverInputs, Listener, ListenerReport};
@@ -57,6 +59,11 @@ fn send(bridge: &Transport, queue: &Receiver<(EndpointId, Make)>) {
             let _counted = bridge.publish(id, message);
         }
     }
+}
+
+/// Steering gear of the simulated car: that of the vehicle in `[live]`, if there is one.
+fn gear(config: &Setup) -> SteeringGear {
+    config.live.as_ref().map_or_else(SteeringGear::default, LiveConfig::gear)
 }
 
 /// The car on ROS 2 topics, until it is dropped.
@@ -97,7 +104,7 @@ impl Ros2Car {
         let mut show = Show::new(config, pipeline, &mapping, &mounts, streams, outbox);
         let mut listener = None;
         if let Some(inputs) = driver {
-            let one = Listener::new(inputs, &pipeline.vehicle, show.is_driven());
+            let one = Listener::new(inputs, &pipeline.vehicle, gear(config), show.is_driven());
             let (bridge, stop) = (Arc::clone(&bridge), Arc::new(AtomicBool::new(false)));
             let until = Arc::clone(&stop);
             let thread = thread::Builder::new().name("swerve-ros2-commands".into());

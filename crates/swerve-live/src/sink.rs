@@ -17,8 +17,9 @@ use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 
 use super::legacy::Legacy;
 use super::shared::lock;
+use super::simulated::DriveClock;
 use super::vehicle::{Car, Outgoing, VehicleInterface};
-use super::wire::{HostClock, Sent, Wire};
+use super::wire::{Sent, Wire};
 
 /// Silence of the gate after which the sink stops the car.
 const SILENCE_MAX: Span = Span::from_ms(150);
@@ -79,7 +80,7 @@ pub struct Sink<'a> {
     /// State of the vehicle.
     pub car: Arc<Mutex<Car>>,
     /// Time of the run.
-    pub clock: HostClock,
+    pub clock: DriveClock,
     /// Instant of the ROS clock at run time zero.
     pub epoch: Epoch,
     /// Parameters of the stop.
@@ -98,6 +99,8 @@ pub struct Sink<'a> {
 struct State {
     last: GateOutput,
     heard: Time,
+    /// Real time at that instant.
+    heard_host: Time,
     /// Start of a stop by the sink.
     stopping: Option<Time>,
     report: SinkReport,
@@ -109,6 +112,7 @@ impl Sink<'_> {
         let mut state = State {
             last: GateOutput::default(),
             heard: self.clock.now(),
+            heard_host: self.clock.host_now(),
             stopping: None,
             report: SinkReport::default(),
         };
@@ -126,8 +130,8 @@ impl Sink<'_> {
 
     /// Stops the vehicle in place of a sink that died after the command `last`, and releases it.
     pub(crate) fn take_over(mut self, last: GateOutput) -> SinkReport {
-        let (heard, report) = (self.clock.now(), SinkReport::default());
-        let mut state = State { last, heard, stopping: None, report };
+        let (heard, heard_host) = (self.clock.now(), self.clock.host_now());
+        let mut state = State { last, heard, heard_host, stopping: None, report: SinkReport::default() };
         self.conclude(&mut state);
         state.report
     }
@@ -149,13 +153,16 @@ impl Sink<'_> {
             return self.gave_up.store(true, Ordering::Relaxed);
         }
         (state.last, state.heard, state.stopping) = (output, now, None);
+        state.heard_host = self.clock.host_now();
         self.command(&output, state);
     }
 
     /// Stops the car if the gate is silent.
     fn watch(&mut self, state: &mut State) {
         let now = self.clock.now();
-        if !state.last.engaged || now - state.heard <= SILENCE_MAX {
+        // Simulated time may advance by more in one step, before the engine follows.
+        let silence = (now - state.heard).min(self.clock.host_now() - state.heard_host);
+        if !state.last.engaged || silence <= SILENCE_MAX {
             return;
         }
         if state.stopping.is_none() {
@@ -188,16 +195,21 @@ impl Sink<'_> {
 
     /// Brings the car to a standstill, if driven, and releases it.
     fn conclude(&mut self, state: &mut State) {
-        let begin = self.clock.now();
+        let (begin, begin_host) = (self.clock.now(), self.clock.host_now());
         let speed_mps = lock(&self.car).speed_mps.unwrap_or(f64::INFINITY);
-        let limit = stop_takes(speed_mps, &self.stop).min(self.stop_max);
+        let usual = stop_takes(speed_mps, &self.stop).min(self.stop_max);
         let mut stands_since = None;
         while state.last.engaged {
             let now = self.clock.now();
+            // Simulated time that has failed stands still. By the host's clock, a slow simulator takes longer to stop.
+            let (passed, limit) = match self.clock.has_failed() {
+                true => (self.clock.host_now() - begin_host, self.stop_max),
+                false => (now - begin, usual),
+            };
             let stands = lock(&self.car).speed_mps.is_some_and(|speed| speed.abs() < STANDSTILL_MPS);
-            stands_since = if stands { stands_since.or(Some(now)) } else { None };
-            let held = stands_since.is_some_and(|since: Time| now - since >= HOLD);
-            if held || now - begin >= limit {
+            stands_since = if stands { stands_since.or(Some(passed)) } else { None };
+            let held = stands_since.is_some_and(|since: Span| passed - since >= HOLD);
+            if held || passed >= limit {
                 state.report.stood_at_end = Some(held);
                 break;
             }
@@ -277,7 +289,7 @@ mod tests {
     use swerve_stack::config::Config;
 
     use super::super::vehicle::{self, Facts};
-    use super::super::wire::Taken;
+    use super::super::wire::{HostClock, Taken};
     use super::*;
 
     /// A wire to a stationary car that loses the first release messages.
@@ -327,7 +339,7 @@ mod tests {
             wire: &wire,
             interface: vehicle::interface(Vehicle::Autoware, &Config::default()),
             car,
-            clock,
+            clock: clock.into(),
             epoch: Epoch { ns: clock.epoch_ns() },
             stop: GateParams::default(),
             stop_max: Span::from_secs(20.0),

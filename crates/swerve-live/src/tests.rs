@@ -25,6 +25,7 @@ use super::shared::lock;
 use super::wire::{Sent, Taken};
 use super::*;
 
+mod carla;
 mod played;
 
 /// A car with Autoware's interface, and the wire to it. Waiting for messages advances it.
@@ -193,7 +194,7 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     let until = Some(Time::ZERO + Span::from_secs(seconds));
     let flags = ControlFlags::default();
     let options = DriveOptions { until, threads: 2, status_sink: Box::new(Quiet), flags: &flags };
-    let driven = drive_graph(&drive, graph, &lane, options, &mut [], clock).unwrap();
+    let driven = drive_graph(&drive, graph, &lane, options, &mut [], clock.into()).unwrap();
     lane.advance();
     (driven, lane.state.into_inner().unwrap())
 }

@@ -14,6 +14,9 @@ pub struct TopicClock {
     estimator: ClockEstimator,
     last: Option<Time>,
     held: u64,
+    /// Set for simulated time: the newest stamp so far, ns.
+    simulated: Option<i64>,
+    params: ClockParams,
 }
 
 /// Minimum time between two stamps of a stream.
@@ -22,7 +25,7 @@ const LEAST: Span = Span::from_ns(1);
 impl TopicClock {
     /// Creates a clock without an estimate.
     pub fn new(params: ClockParams) -> Self {
-        Self { estimator: ClockEstimator::new(params), last: None, held: 0 }
+        Self { estimator: ClockEstimator::new(params), last: None, held: 0, simulated: None, params }
     }
 
     /// Holds or releases the offset: while held, stamps of a clock that was set are rejected.
@@ -30,11 +33,37 @@ impl TopicClock {
         self.estimator.hold(is_held);
     }
 
+    /// Judges stamps by run time, instead of an estimated offset: both are simulated time.
+    pub fn use_simulated_time(&mut self) {
+        self.simulated = Some(i64::MIN);
+    }
+
+    /// Run time of a stamp in simulated time.
+    fn simulated_time(&mut self, stamp_ns: i64, now: Time, epoch_ns: i64) -> Result<Time, StampVerdict> {
+        let time = Time::from_ns(stamp_ns.saturating_sub(epoch_ns));
+        let is_older = self.simulated.is_some_and(|newest| stamp_ns < newest);
+        if stamp_ns <= 0 {
+            Err(StampVerdict::Unset)
+        } else if time > now.saturating_add(self.params.ahead_max) {
+            Err(StampVerdict::Ahead)
+        } else if time.saturating_add(self.params.behind_max) < now {
+            Err(StampVerdict::Behind)
+        } else if is_older {
+            Err(StampVerdict::Backwards)
+        } else {
+            self.simulated = Some(stamp_ns);
+            Ok(self.after_last(time.min(now)))
+        }
+    }
+
     /// Run time of a stamp received at `now`; `epoch_ns` is the host's clock at run time zero.
     ///
     /// # Errors
     /// If the stamp is implausible.
     pub fn time(&mut self, stamp_ns: i64, now: Time, epoch_ns: i64) -> Result<Time, StampVerdict> {
+        if self.simulated.is_some() {
+            return self.simulated_time(stamp_ns, now, epoch_ns);
+        }
         let verdict = self.estimator.judge(stamp_ns, epoch_ns.saturating_add(now.ns()));
         if verdict.is_refused() {
             return Err(verdict);
@@ -131,6 +160,25 @@ mod tests {
         assert_eq!(second, first + LEAST);
         assert_eq!(third, at(131));
         assert_eq!(clock.held(), 1);
+    }
+
+    #[test]
+    fn topic_clock_takes_simulated_stamps_without_an_offset() {
+        let mut clock = clock();
+        clock.use_simulated_time();
+        let mut time = |stamp_ms: i64, now_ms: i64| {
+            clock.time(EPOCH_NS + stamp_ms * MS, Time::from_ms(now_ms), EPOCH_NS)
+        };
+        // Delays of any length in simulated time change nothing.
+        assert_eq!(time(100, 100), Ok(Time::from_ms(100)));
+        assert_eq!(time(150, 900), Ok(Time::from_ms(150)));
+        assert_eq!(time(940, 900), Ok(Time::from_ms(900)), "never in the future");
+        assert_eq!(time(951, 900), Err(StampVerdict::Ahead));
+        assert_eq!(time(100, 1200), Err(StampVerdict::Behind));
+        assert_eq!(time(930, 1000), Err(StampVerdict::Backwards));
+        assert_eq!(time(-EPOCH_NS / MS, 1000), Err(StampVerdict::Unset));
+        assert_eq!(time(1000, 1000), Ok(Time::from_ms(1000)));
+        assert_eq!(clock.offset(), None);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! conversion of the gate's output. Topics and types are in a table of the mapping.
 
 mod autoware;
+mod carla;
 mod dataspeed;
 mod plain;
 mod raptor;
@@ -81,6 +82,7 @@ pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface>
         Vehicle::Autoware => Box::new(autoware::Autoware),
         Vehicle::Dataspeed => Box::new(dataspeed::DataspeedInterface::new(config)),
         Vehicle::Raptor => Box::new(raptor::RaptorInterface::new(config)),
+        Vehicle::Carla => Box::new(carla::Carla::new(config)),
         Vehicle::Plain => Box::new(plain::Plain),
     }
 }

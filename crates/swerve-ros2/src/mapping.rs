@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [ros2]
-//! vehicle = "autoware"            # or "dataspeed", "raptor", "plain"
+//! vehicle = "autoware"            # or "dataspeed", "raptor", "carla", "plain"
 //! node = "swerve"
 //! domain = 3                      # default: ROS_DOMAIN_ID
 //! localhost_only = true           # default: ROS_LOCALHOST_ONLY

@@ -334,7 +334,7 @@ impl Engine<'_> {
         if !self.went_well(rank, run.stamp, ran) {
             return;
         }
-        if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
+        if let (Some(units), Some(_)) = (ran.stopped_at, &self.wall) {
             let (operator, stamp) = (self.nodes[rank].name.clone(), run.stamp);
             self.decide(|| Decision::Stop { operator: operator.to_string(), stamp, units });
         }

@@ -11,7 +11,7 @@ use swerve_msg::{GateMode, MotionCommand, StopCause, Switch, WireAlarm};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{EndpointId, Received};
 use swerve_ros2::clock::{ClockOffset, ClockParams, StampVerdict};
-use swerve_ros2::convert::{Epoch, SteeringGear, control_from_ros};
+use swerve_ros2::convert::{Epoch, SteeringGear, carla_steering_from_ros, control_from_ros};
 use swerve_ros2::mapping::{Mapping, Purpose, Role};
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 use swerve_ros2::msg::builtin_interfaces as builtin;
@@ -102,7 +102,12 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    pub(super) fn new(inputs: DriverInputs, vehicle: &VehicleParams, shared: Shared) -> Self {
+    pub(super) fn new(
+        inputs: DriverInputs,
+        vehicle: &VehicleParams,
+        gear: SteeringGear,
+        shared: Shared,
+    ) -> Self {
         Self {
             inputs,
             shared,
@@ -111,7 +116,7 @@ impl Listener {
             requests: Vec::new(),
             waits_since: None,
             switch: None,
-            wire: Wire::new(vehicle),
+            wire: Wire { gear, ..Wire::new(vehicle) },
             writers: Writers::default(),
             alarm: WireAlarm::default(),
             last: None,
@@ -290,6 +295,13 @@ impl Wire {
         speed_mps: f64,
     ) -> Option<(Option<builtin::Time>, MotionCommand)> {
         let percent = |x: f32| Some((now, 0.01 * f64::from(x)));
+        if let AnyMessage::CarlaEgoVehicleControl(control) = message {
+            let pedals = Pedals { throttle: f64::from(control.throttle), brake: f64::from(control.brake) };
+            let accel_mps2 = accel_for_pedals(&self.vehicle, speed_mps, pedals);
+            let steering_rad = carla_steering_from_ros(control, &self.gear);
+            let command = MotionCommand { stamp: now, steering_rad, speed_mps, accel_mps2 };
+            return Some((Some(control.header.stamp), command));
+        }
         let (stamp, wheel_deg) = match message {
             AnyMessage::DataspeedSteeringCmd(cmd) if cmd.enable && cmd.cmd_type == SteeringCmd::CMD_ANGLE => {
                 (Some(cmd.header.stamp), cmd.cmd)

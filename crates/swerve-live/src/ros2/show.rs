@@ -210,7 +210,7 @@ impl Car {
             streams,
             sensors,
             topics,
-            gear: SteeringGear::default(),
+            gear: super::gear(config),
             state: VehicleState { is_engaged: true, ..VehicleState::default() },
             has_begun: false,
             engaged_before: None,

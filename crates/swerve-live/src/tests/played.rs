@@ -201,6 +201,7 @@ fn shipped_vehicle_configurations_name_existing_routes() {
     for name in names {
         let drive = Drive::load(&Registry::standard(), Path::new(name), &[]).unwrap();
         assert!(drive.scenario.road.length_m() > drive.scenario.ego.end_m);
-        assert_eq!(Path::new(name).file_stem().unwrap(), drive.mapping.vehicle.name());
+        let stem = Path::new(name).file_stem().unwrap().to_str().unwrap();
+        assert!(stem.starts_with(drive.mapping.vehicle.name()), "{name}");
     }
 }

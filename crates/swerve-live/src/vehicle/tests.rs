@@ -2,6 +2,7 @@
 
 use swerve_core::Span;
 use swerve_msg::{GateMode, MotionCommand, StopCause};
+use swerve_ros2::msg::carla_msgs::CarlaEgoVehicleStatus;
 use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 use swerve_stack::Setup;
 
@@ -16,6 +17,7 @@ fn interface_fits_the_documented_length() {
     assert!(page.contains(&format!("at most {LINES_MAX} lines of Rust")));
     for (name, text) in [
         ("autoware", include_str!("autoware.rs")),
+        ("carla", include_str!("carla.rs")),
         ("dataspeed", include_str!("dataspeed.rs")),
         ("plain", include_str!("plain.rs")),
         ("raptor", include_str!("raptor.rs")),
@@ -114,6 +116,7 @@ fn interfaces_never_accelerate_while_the_gate_stops_or_holds() {
         (Vehicle::Dataspeed, ""),
         (Vehicle::Dataspeed, "longitudinal = \"pedals\"\n"),
         (Vehicle::Raptor, ""),
+        (Vehicle::Carla, CARLA_STEERING),
     ];
     let modes = [
         GateMode::Stopping(StopCause::CommandTimeout),
@@ -148,6 +151,10 @@ fn interfaces_never_accelerate_while_the_gate_stops_or_holds() {
                             assert_eq!(*cmd, 0.0, "{vehicle:?} {speed_mps}");
                             false
                         }
+                        AnyMessage::CarlaEgoVehicleControl(control) => {
+                            assert!(control.throttle == 0.0 && control.brake > 0.1, "{control:?}");
+                            true
+                        }
                         AnyMessage::DataspeedBrakeCmd(ds_dbw_msgs::BrakeCmd { cmd, .. })
                         | AnyMessage::RaptorBrakeCmd(raptor_dbw_msgs::BrakeCmd { pedal_cmd: cmd, .. }) => {
                             assert!(*cmd > 10.0, "{vehicle:?} {speed_mps}");
@@ -160,6 +167,36 @@ fn interfaces_never_accelerate_while_the_gate_stops_or_holds() {
             }
         }
     }
+}
+
+const CARLA_STEERING: &str = "steering_ratio = 1.0\nsteering_wheel_max_deg = 70.0\n";
+
+#[test]
+fn carla_steers_to_the_right_with_positive_values_and_is_left_alone_until_engaged() {
+    let mut car = interface(Vehicle::Carla, &config(CARLA_STEERING));
+    let sent = messages(&mut *car, &gate(1.0));
+    let AnyMessage::CarlaEgoVehicleControl(control) = &sent[&Role::Command] else { panic!("{sent:?}") };
+    // 0.1 rad to the left of at most 70 degrees.
+    assert!((f64::from(control.steer) + 0.1_f64.to_degrees() / 70.0).abs() < 1e-6, "{control:?}");
+    assert!(control.throttle > 0.05 && control.brake == 0.0, "{control:?}");
+    assert_eq!(
+        (control.gear, control.reverse, control.hand_brake, control.manual_gear_shift),
+        (1, false, false, false)
+    );
+    assert_eq!((control.header.stamp.sec, control.header.stamp.nanosec), (11, 500_000_000));
+    let status = CarlaEgoVehicleStatus { velocity: 7.5, control: control.clone(), ..Default::default() };
+    let facts = car.facts(&AnyMessage::CarlaEgoVehicleStatus(status));
+    assert_eq!((facts.speed_mps, facts.listens, facts.driver), (Some(7.5), None, None));
+    assert!((facts.steering_rad.unwrap() - 0.1).abs() < 1e-6, "{facts:?}");
+    let manual = GateOutput { mode: GateMode::Manual, engaged: false, ..gate(1.0) };
+    assert!(messages(&mut *car, &manual).is_empty());
+    // An angle beyond the largest one.
+    let mut full = gate(1.0);
+    full.command.steering_rad = -1.5;
+    let AnyMessage::CarlaEgoVehicleControl(control) = &messages(&mut *car, &full)[&Role::Command] else {
+        panic!("no control")
+    };
+    assert_eq!(control.steer, 1.0);
 }
 
 #[test]

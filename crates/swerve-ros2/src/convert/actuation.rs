@@ -6,7 +6,7 @@ use swerve_msg::{Command, MotionCommand};
 use super::{ConvertError, Epoch};
 use crate::AnyMessage;
 use crate::msg::autoware_control_msgs::{Control, Lateral, Longitudinal};
-use crate::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
+use crate::msg::{autoware_vehicle_msgs, carla_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
 /// Converts a command to Autoware's control message.
 pub fn control_to_ros(command: &MotionCommand, epoch: Epoch) -> Control {
@@ -206,6 +206,31 @@ pub fn driver_active(report: &AnyMessage) -> Option<bool> {
         AnyMessage::RaptorMiscReport(r) => Some(r.general_driver_activity),
         _ => None,
     }
+}
+
+/// Command for CARLA: the steering as a share of the largest angle of the road wheels, `gear.wheel_max_deg` over
+/// `gear.ratio`, positive to the right; pedals from 0 to 1. The forward gear is selected.
+pub fn carla_control(
+    command: &Command,
+    gear: &SteeringGear,
+    at: Time,
+    epoch: Epoch,
+    frame: &str,
+) -> carla_msgs::CarlaEgoVehicleControl {
+    let pedal = |pedal: f64| pedal.clamp(0.0, 1.0) as f32;
+    carla_msgs::CarlaEgoVehicleControl {
+        header: epoch.header(at, frame),
+        throttle: pedal(command.throttle),
+        steer: -(gear.wheel_deg(command.steering_rad) / gear.wheel_max_deg) as f32,
+        brake: pedal(command.brake),
+        gear: 1,
+        ..carla_msgs::CarlaEgoVehicleControl::default()
+    }
+}
+
+/// Angle of the front road wheels commanded in a message of CARLA, radians; positive to the left.
+pub fn carla_steering_from_ros(control: &carla_msgs::CarlaEgoVehicleControl, gear: &SteeringGear) -> f64 {
+    -gear.steering_rad(f64::from(control.steer) * gear.wheel_max_deg)
 }
 
 /// Builds commands for New Eagle's Raptor, which contain a rolling counter as a heartbeat.

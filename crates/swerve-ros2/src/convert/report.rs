@@ -2,11 +2,11 @@
 
 use swerve_msg::{Command, EgoState, WheelOdometry};
 
-use super::{Epoch, SteeringGear, steering_to_ros, velocity_to_ros};
+use super::{Epoch, SteeringGear, carla_control, steering_to_ros, velocity_to_ros};
 use crate::msg::autoware_vehicle_msgs::{
     ControlModeReport, GearReport, HazardLightsReport, TurnIndicatorsReport,
 };
-use crate::msg::{ds_dbw_msgs as ds, geometry_msgs as geo, raptor_dbw_msgs as raptor, std_msgs};
+use crate::msg::{carla_msgs, ds_dbw_msgs as ds, geometry_msgs as geo, raptor_dbw_msgs as raptor, std_msgs};
 use crate::{AnyMessage, Kind};
 
 /// Autoware's value for turn indicators and hazard lights that are off.
@@ -168,8 +168,25 @@ fn by_wire(kind: Kind, state: &VehicleState, gear: &SteeringGear, epoch: Epoch) 
             by_wire_ready: ready,
             ..raptor::MiscReport::default()
         }),
+        Kind::CarlaEgoVehicleStatus => AnyMessage::CarlaEgoVehicleStatus(carla_status(state, gear, epoch)),
         _ => return None,
     })
+}
+
+/// Builds the status that CARLA's bridge publishes, without acceleration and orientation.
+fn carla_status(
+    VehicleState { wheels, pedals, .. }: &VehicleState,
+    gear: &SteeringGear,
+    epoch: Epoch,
+) -> carla_msgs::CarlaEgoVehicleStatus {
+    let command = Command { steering_rad: wheels.steering_rad, ..*pedals };
+    carla_msgs::CarlaEgoVehicleStatus {
+        header: epoch.header(wheels.stamp, ""),
+        velocity: wheels.speed_mps.abs() as f32,
+        orientation: geo::Quaternion { w: 1.0, ..geo::Quaternion::default() },
+        control: carla_control(&command, gear, wheels.stamp, epoch, ""),
+        ..carla_msgs::CarlaEgoVehicleStatus::default()
+    }
 }
 
 /// Returns true if the simulated car accepts a request for this control mode.

@@ -86,7 +86,7 @@ roles! {
     Odometry = "odometry": Vehicle, Localization, [Odometry, PoseStamped, PoseWithCovarianceStamped], Qos::DEFAULT, 500.0;
     Acceleration = "acceleration": Vehicle, Localization, [AccelWithCovarianceStamped], Qos::DEFAULT, 500.0;
     // Reports of the vehicle.
-    Velocity = "velocity": Vehicle, Report, [VelocityReport, TwistStamped, TwistWithCovarianceStamped, DataspeedVehicleVelocity, DataspeedUlcReport], Qos::VEHICLE, 500.0;
+    Velocity = "velocity": Vehicle, Report, [VelocityReport, TwistStamped, TwistWithCovarianceStamped, DataspeedVehicleVelocity, DataspeedUlcReport, CarlaEgoVehicleStatus], Qos::VEHICLE, 500.0;
     WheelSpeeds = "wheel_speeds": Vehicle, Report, [DataspeedWheelSpeeds, RaptorWheelSpeedReport], Qos::DEFAULT, 500.0;
     Steering = "steering": Vehicle, Report, [SteeringReport, DataspeedSteeringReport, RaptorSteeringReport], Qos::VEHICLE, 500.0;
     Brake = "brake": Vehicle, Report, [DataspeedBrakeReport, RaptorBrakeReport], Qos::DEFAULT, 500.0;
@@ -105,7 +105,7 @@ roles! {
     // Other road users from external perception.
     Objects = "objects": Vehicle, Perception, [PredictedObjects], Qos::DEFAULT, 100.0;
     // Commands of the stack.
-    Command = "command": Stack, Motion, [Control], Qos::VEHICLE, 500.0;
+    Command = "command": Stack, Motion, [Control, CarlaEgoVehicleControl], Qos::VEHICLE, 500.0;
     SteeringCommand = "steering_command": Stack, Motion, [DataspeedSteeringCmd, RaptorSteeringCmd], Qos::VEHICLE, 500.0;
     BrakeCommand = "brake_command": Stack, Motion, [DataspeedBrakeCmd, RaptorBrakeCmd], Qos::VEHICLE, 500.0;
     ThrottleCommand = "throttle_command": Stack, Motion, [DataspeedThrottleCmd, RaptorAcceleratorPedalCmd], Qos::VEHICLE, 500.0;

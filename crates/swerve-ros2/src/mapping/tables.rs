@@ -142,6 +142,21 @@ const RAPTOR: [Row; 12] = [
     by_wire(Role::Disable, "/raptor_dbw_interface/disable", Kind::Empty),
 ];
 
+/// Topics of `carla_ros_bridge` for the vehicle with the role name `hero`, and a switch, which CARLA does not have.
+const CARLA: [Row; 11] = [
+    row(Role::Camera, "/carla/hero/rgb_front/image", "hero/rgb_front"),
+    row(Role::CameraInfo, "/carla/hero/rgb_front/camera_info", "hero/rgb_front"),
+    row(Role::Lidar, "/carla/hero/lidar", "hero/lidar"),
+    row(Role::Imu, "/carla/hero/imu", "hero/imu"),
+    row(Role::Gnss, "/carla/hero/gnss", "hero/gnss"),
+    row(Role::Odometry, "/carla/hero/odometry", "map"),
+    row(Role::Objects, "/carla/hero/predicted_objects", "map"),
+    by_wire(Role::Velocity, "/carla/hero/vehicle_status", Kind::CarlaEgoVehicleStatus),
+    by_wire(Role::Command, "/carla/hero/vehicle_control_cmd", Kind::CarlaEgoVehicleControl),
+    by_wire(Role::Enable, "/swerve/enable", Kind::Empty),
+    by_wire(Role::Disable, "/swerve/disable", Kind::Empty),
+];
+
 vehicles! {
     /// Autoware's vehicle interface.
     #[default]
@@ -150,6 +165,8 @@ vehicles! {
     Dataspeed = "dataspeed": [COMMON, PLAIN, DATASPEED];
     /// New Eagle's Raptor.
     Raptor = "raptor": [COMMON, PLAIN, RAPTOR];
+    /// A vehicle in the simulator CARLA, over `carla_ros_bridge`.
+    Carla = "carla": [COMMON, CARLA];
     /// No drive-by-wire: sensors and localization under the usual ROS names.
     Plain = "plain": [COMMON, PLAIN];
 }

@@ -26,7 +26,7 @@ fn built_in_mappings_are_complete() {
             );
         }
         assert!(mapping.topic("lidar").is_some() && mapping.topic("clock").is_some());
-        assert_eq!(mapping.topic("command").is_some(), vehicle == Vehicle::Autoware);
+        assert_eq!(mapping.topic("command").is_some(), matches!(vehicle, Vehicle::Autoware | Vehicle::Carla));
         assert_eq!(
             mapping.topic("steering_command").is_some(),
             matches!(vehicle, Vehicle::Dataspeed | Vehicle::Raptor)
@@ -37,6 +37,31 @@ fn built_in_mappings_are_complete() {
     assert_eq!((command.topic.as_str(), command.kind), ("/control/command/control_cmd", Kind::Control));
     assert_eq!(command.qos, Qos { reliable: true, transient_local: false, depth: 1 });
     assert!(!autoware.topic("lidar").unwrap().qos.reliable);
+}
+
+/// The bridge's writers are reliable and volatile, so that readers of either kind receive; its reader is reliable.
+#[test]
+fn carla_topics_have_the_names_types_and_frames_of_its_bridge() {
+    let carla = Mapping::of(Vehicle::Carla, Network::default());
+    for (name, topic, kind, is_reliable, frame) in [
+        ("clock", "/clock", Kind::Clock, false, ""),
+        ("odometry", "/carla/hero/odometry", Kind::Odometry, true, "map"),
+        ("velocity", "/carla/hero/vehicle_status", Kind::CarlaEgoVehicleStatus, true, ""),
+        ("command", "/carla/hero/vehicle_control_cmd", Kind::CarlaEgoVehicleControl, true, ""),
+        ("imu", "/carla/hero/imu", Kind::Imu, false, "hero/imu"),
+        ("gnss", "/carla/hero/gnss", Kind::NavSatFix, false, "hero/gnss"),
+        ("lidar", "/carla/hero/lidar", Kind::PointCloud2, false, "hero/lidar"),
+        ("camera", "/carla/hero/rgb_front/image", Kind::Image, false, "hero/rgb_front"),
+        ("camera_info", "/carla/hero/rgb_front/camera_info", Kind::CameraInfo, false, "hero/rgb_front"),
+    ] {
+        let found = carla.topic(name).unwrap();
+        assert_eq!(
+            (found.topic.as_str(), found.kind, found.qos.reliable, found.frame.as_str()),
+            (topic, kind, is_reliable, frame),
+            "{name}"
+        );
+        assert!(!found.qos.transient_local, "{name}: the bridge's writers are volatile");
+    }
 }
 
 #[test]
@@ -93,7 +118,7 @@ fn mapping_errors_name_the_key_and_the_nearest_valid_one() {
     let cases = [
         ("vehicel = 'autoware'", "vehicel: unknown key; did you mean `vehicle`?"),
         ("vehicle = 'autowear'",
-         "vehicle: expected one of \"autoware\", \"dataspeed\", \"raptor\", \"plain\", found \"autowear\"; did you mean `autoware`?"),
+         "vehicle: expected one of \"autoware\", \"dataspeed\", \"raptor\", \"carla\", \"plain\", found \"autowear\"; did you mean `autoware`?"),
         ("topics.lidr.topic = '/points'",
          "topics.lidr: unknown topic; one of another name needs `role`; did you mean `lidar`?"),
         ("topics.lidar.quos = 'sensor'", "topics.lidar.quos: unknown key; did you mean `qos`?"),

@@ -6,7 +6,7 @@ use swerve_ros2::mapping::{Mapping, Role, Vehicle};
 use super::Config;
 use super::clock::Clock;
 use super::execution::{self, Runtime};
-use super::live::EnableBy;
+use super::live::{EnableBy, LiveClock};
 use super::operator::is_plain_name;
 use crate::problems::within;
 
@@ -108,6 +108,11 @@ impl Config {
             let message =
                 "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
             tell("live.enable", message.into());
+        }
+        if live.clock == LiveClock::Topic && mapping.topic("clock").is_none() {
+            let message =
+                "simulated time is read from the topic `clock` of `[ros2.topics]`, which is not enabled";
+            tell("live.clock", message.into());
         }
         if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {
             tell("ros2.topics", "a vehicle that is to be driven needs the topic `odometry`".into());

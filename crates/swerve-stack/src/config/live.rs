@@ -38,6 +38,14 @@ pub struct LiveConfig {
     /// Time limit for the stop at the end, seconds; afterwards the vehicle is left to its own time-out.
     #[schemars(range(min = 1.0, max = 120.0))]
     pub stop_timeout_s: f64,
+    /// Distance by which the origin of reported poses is ahead of the centre of the rear axle, metres.
+    #[schemars(range(min = -10.0, max = 10.0))]
+    pub pose_ahead_m: f64,
+    /// Clock that paces the drive.
+    pub clock: LiveClock,
+    /// Real time for which simulated time may stand still, seconds; afterwards the drive ends with an error.
+    #[schemars(range(min = 0.5, max = 3600.0))]
+    pub clock_timeout_s: f64,
     /// Largest time by which a stamp may be ahead of its sensor's clock, ms.
     #[schemars(range(min = 1.0, max = 10_000.0))]
     pub stamp_ahead_max_ms: f64,
@@ -56,6 +64,17 @@ pub enum EnableBy {
     /// The start of the program, as soon as all topics are available: for tests and simulators.
     #[value(name = "at_start", alias = "at-start")]
     AtStart,
+}
+
+/// Clock that paces a drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LiveClock {
+    /// The real clock, for vehicles.
+    #[default]
+    Host,
+    /// Simulated time on the mapping's topic `clock`, for simulators.
+    Topic,
 }
 
 /// Form of longitudinal commands where there is a choice.
@@ -83,6 +102,9 @@ impl Default for LiveConfig {
             objects_timeout_s: 0.5,
             plan_timeout_s: 0.5,
             stop_timeout_s: 20.0,
+            pose_ahead_m: 0.0,
+            clock: LiveClock::default(),
+            clock_timeout_s: 10.0,
             stamp_ahead_max_ms: 50.0,
             stamp_behind_max_ms: 1000.0,
         }
@@ -139,6 +161,10 @@ mod tests {
             (
                 "[live]\nroute = \"r\"\n[ros2.topics.odometry]\nenabled = false\n",
                 "c.toml:3: ros2.topics: a vehicle that is to be driven needs the topic `odometry`",
+            ),
+            (
+                "[live]\nroute = \"r\"\nclock = \"topic\"\n[ros2.topics.clock]\nenabled = false\n",
+                "c.toml:3: live.clock: simulated time is read from the topic `clock` of `[ros2.topics]`",
             ),
         ];
         for (text, expected) in cases {

@@ -1,4 +1,5 @@
-//! `swerve live` against a car emulated with another DDS implementation (`tests/ros2/vehicle_emulator.py`).
+//! `swerve live` against a car emulated with another DDS implementation (`tests/ros2/vehicle_emulator.py`), and
+//! against an emulated simulator (`tests/ros2/carla_emulator.py`).
 //!
 //! Needs the Python package `cyclonedds` (`SWERVE_PYTHON` names the interpreter). Without it the tests print that they
 //! are skipped, or fail if `SWERVE_CI` is set. `SWERVE_LIVE_SECONDS=60` sets the duration of the drives.
@@ -70,8 +71,9 @@ impl Car {
         let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
             <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
             <Peers><Peer Address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+        let program = if interface == "carla" { "carla_emulator.py" } else { "vehicle_emulator.py" };
         let mut child = Command::new(python())
-            .arg(root().join("tests/ros2/vehicle_emulator.py"))
+            .arg(root().join("tests/ros2").join(program))
             .args([&domain.to_string(), interface])
             .args(more)
             .env("CYCLONEDDS_URI", cyclone)
@@ -147,6 +149,17 @@ impl Driven {
 
     fn last(&self, key: &str) -> f64 {
         self.car.last().unwrap()[key].as_f64().unwrap()
+    }
+
+    /// Replays the log, which has to give the same messages.
+    fn assert_replays(&self) {
+        let log = self.out.join("log.mcap");
+        let replay =
+            Command::new(env!("CARGO_BIN_EXE_swerve")).arg("replay").arg(log).arg("--verify").output();
+        let replay = replay.unwrap();
+        let said = String::from_utf8_lossy(&replay.stdout);
+        assert!(replay.status.success(), "{said}{}", String::from_utf8_lossy(&replay.stderr));
+        assert!(said.contains("as logged"), "{said}");
     }
 
     fn modes(&self) -> Vec<String> {
@@ -226,12 +239,7 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
          own word, which missed commands {} times",
         driven.last("timeouts")
     );
-    let log = driven.out.join("log.mcap");
-    let replay = Command::new(env!("CARGO_BIN_EXE_swerve")).arg("replay").arg(log).arg("--verify").output();
-    let replay = replay.unwrap();
-    let said = String::from_utf8_lossy(&replay.stdout);
-    assert!(replay.status.success(), "{said}{}", String::from_utf8_lossy(&replay.stderr));
-    assert!(said.contains("as logged"), "{said}");
+    driven.assert_replays();
 }
 
 #[test]
@@ -357,4 +365,61 @@ fn person_engages_and_ctrl_c_stops() {
     assert_eq!((last["speed"].as_f64(), &last["timeouts"]), (Some(0.0), &timeouts));
     assert_eq!(last["engaged"], Value::Bool(false), "it was released");
     assert!(notes.contains("holding: the switch was released"), "{notes}");
+}
+
+/// At half of real time and with a pause, the simulator is driven in its own time, in its axes and units.
+#[test]
+#[ignore = "real clock, Cyclone DDS"]
+#[expect(clippy::disallowed_methods, reason = "real time beside simulated time")]
+fn simulator_by_the_topics_of_carla_is_driven_in_simulated_time() {
+    if !has_car() {
+        return;
+    }
+    let _alone = alone();
+    let (seconds, begin) = (seconds(), std::time::Instant::now());
+    let half = (seconds / 2.0).to_string();
+    let driven = live(5, "carla", seconds, Some(&["--pause", &half, "2.5"]));
+    assert!(driven.succeeded, "{}", driven.notes);
+    let real_s = begin.elapsed().as_secs_f64();
+    assert!(real_s > 2.0 * seconds + 2.5, "{real_s:.1} s of real time for {seconds} s");
+    let note = "simulated time stands still at ";
+    assert!(driven.notes.contains(note), "{}", driven.notes);
+    let drive = &driven.metrics["drive"];
+    let (beside_m, driving_m) = (driven.beside_m(), drive["beside_max_m"].as_f64().unwrap());
+    assert!(driving_m < 0.3 && beside_m < 1.0, "{driving_m} m beside the lane, {beside_m} m with the stop");
+    let driven_m = drive["driven_m"].as_f64().unwrap();
+    assert!(driven_m > 4.0 * (seconds - 4.0), "{driven_m} m in {seconds} s");
+    assert!(drive["speed_max_mps"].as_f64().unwrap() < 8.5);
+    let modes = ["\"manual\"", "\"driving\"", "{\"stopping\":\"released\"}", "{\"holding\":\"released\"}"];
+    assert_eq!(driven.modes(), modes);
+    // CARLA has no time-out: the car stays where it is because the last control brakes.
+    assert_eq!((driven.last("speed"), driven.last("throttle"), driven.last("refused")), (0.0, 0.0, 0.0));
+    assert!(driven.last("brake") > 0.1 && driven.last("stamp") < driven.last("clock") + 0.5);
+    // On all other topics nothing was refused, such as stamps.
+    assert!(drive["refused"].as_object().unwrap().values().all(|n| *n == 0), "{}", drive["refused"]);
+    println!(
+        "carla: {driven_m:.1} m in {seconds} s of simulated and {real_s:.1} s of real time, at most {driving_m:.3} m \
+         beside the lane; with the stop {beside_m:.3} m by the simulator"
+    );
+    driven.assert_replays();
+}
+
+/// A clock that falls silent or is reset ends the drive with an error, and the car is braked to a standstill.
+#[test]
+#[ignore = "real clock, Cyclone DDS"]
+fn failed_clock_of_a_simulator_ends_the_drive_with_a_standstill() {
+    if !has_car() {
+        return;
+    }
+    let _alone = alone();
+    for (incident, error) in [
+        ("--silent-at", "simulated time stood still at "),
+        ("--reset-at", "simulated time jumped back from "),
+    ] {
+        let driven = live(5, "carla", 40.0, Some(&[incident, "8"]));
+        assert!(!driven.succeeded && driven.notes.contains(&format!("error: {error}")), "{}", driven.notes);
+        assert!(driven.car.iter().any(|state| state["speed"].as_f64() > Some(2.0)), "{:?}", driven.car);
+        assert_eq!((driven.last("speed"), driven.last("throttle")), (0.0, 0.0), "{incident}");
+        assert!(driven.last("brake") > 0.1 && driven.beside_m() < 1.0, "{incident}");
+    }
 }

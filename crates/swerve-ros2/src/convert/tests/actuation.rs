@@ -80,3 +80,23 @@ fn driver_activity_is_detected_in_every_interface() {
     assert_eq!(driver_active(&AnyMessage::RaptorSteeringReport(steering)), Some(true));
     assert_eq!(driver_active(&AnyMessage::Empty(Default::default())), None);
 }
+
+/// A road-wheel angle of 35 degrees is half of CARLA's usual 70; its `steer` is positive to the right.
+#[test]
+fn carla_commands_are_shares_with_steering_positive_to_the_right() {
+    let gear = SteeringGear { ratio: 1.0, wheel_max_deg: 70.0, ..SteeringGear::default() };
+    let control = |degrees: f64, throttle: f64, brake: f64| {
+        let command = Command { steering_rad: degrees.to_radians(), throttle, brake };
+        let control = carla_control(&command, &gear, Time::from_ms(1750), EPOCH, "");
+        passes(&control);
+        control
+    };
+    let left = control(35.0, 0.25, 0.0);
+    assert_eq!((left.steer, left.throttle, left.brake), (-0.5, 0.25, 0.0));
+    assert_eq!((left.gear, left.reverse, left.hand_brake, left.manual_gear_shift), (1, false, false, false));
+    assert_eq!(left.header.stamp, EPOCH.stamp(Time::from_ms(1750)));
+    assert!((carla_steering_from_ros(&left, &gear) - 35.0_f64.to_radians()).abs() < 1e-7);
+    let right = control(-80.0, 1.5, 2.0);
+    assert_eq!((right.steer, right.throttle, right.brake), (1.0, 1.0, 1.0));
+    assert!((carla_steering_from_ros(&right, &gear) + 70.0_f64.to_radians()).abs() < 1e-7);
+}
