@@ -38,7 +38,7 @@ macro_rules! shipped {
 pub use shipped;
 
 /// All `.toml` files of `scenarios/` and `configs/`, the maps, and the problem files.
-static FILES: &[Shipped] = shipped! { "../../..":
+static FILES: &[Shipped] = shipped! { "..":
     "scenarios/car_behind_truck.toml"
     "scenarios/car_from_alley.toml"
     "scenarios/lane.toml"
