@@ -6,7 +6,7 @@ use swerve_stack::Registry;
 use tempfile::TempDir;
 
 use super::*;
-use crate::{RunInput, drive_pipeline, load};
+use crate::{RunInput, drive_recorded, load};
 
 /// Log of a shipped scenario with these settings.
 fn log_of(scenario: &str, set: &[&str]) -> (TempDir, PathBuf) {
@@ -24,7 +24,7 @@ fn log_of(scenario: &str, set: &[&str]) -> (TempDir, PathBuf) {
     let mut recorder = Recorder::create(&path, &run_start(&config, &scenario, &input.scenario)).unwrap();
     set_up(&mut recorder, &config, &pipeline);
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
-    drive_pipeline(pipeline, config.seed, 1, &mut [&mut recording]).unwrap();
+    drive_recorded(pipeline, config.seed, 1, (&mut [&mut recording], &mut [])).unwrap();
     recording.finish().unwrap();
     (folder, path)
 }
@@ -59,8 +59,7 @@ fn osi_messages_change_neither_digest_nor_record() {
 fn several_egos_have_the_first_as_their_host() {
     let (_kept, path) = log_of("maps/two_egos", &["log.osi=true", "log.foxglove=false"]);
     let log = Log::read(&path).unwrap();
-    let own = log.all_publications().filter(|record| record.stream.stream == "world.from_south");
-    let (messages, states) = (osi_messages(&path), own.count());
+    let (messages, states) = (osi_messages(&path), log.publications("world.from_south").count());
     // Until the scenario is over for it.
     assert!(100 < messages && messages <= states, "{messages} of {states}");
 }
