@@ -31,7 +31,7 @@ pub(super) fn assemble(
     };
     let stacks: Vec<_> = stacks.iter().zip(surroundings).enumerate().map(&mut added).collect();
     stacks.iter().try_for_each(|stack| stack.add(&mut building, stack.before_agent()))?;
-    stacks.iter().try_for_each(|stack| stack.add(&mut building, stack.from_agent()))?;
+    stacks.iter().try_for_each(|stack| stack.add(&mut building, stack.agent_and_after()))?;
     for (feedback, edge) in core::mem::take(&mut building.loops) {
         let befallen = building.befallen.get(&edge.stream).filter(|_| !edge.raw).copied();
         let stream = befallen.or_else(|| building.graph.stream(&edge.stream));
@@ -76,11 +76,11 @@ impl<'a> AddedStack<'a> {
     /// Operators before the agent: all, without one.
     fn before_agent(&self) -> &'a [Placed] {
         let operators = self.assembly.operators();
-        &operators[..operators.len() - self.from_agent().len()]
+        &operators[..operators.len() - self.agent_and_after().len()]
     }
 
     /// The agent, and the operators after it.
-    fn from_agent(&self) -> &'a [Placed] {
+    fn agent_and_after(&self) -> &'a [Placed] {
         let operators = self.assembly.operators();
         let agent = operators.iter().position(|placed| placed.kind.node().kind == agent::KIND);
         &operators[agent.unwrap_or(operators.len())..]
