@@ -3,7 +3,8 @@
 >>> from swerve.pettingzoo import parallel_env
 >>> env = parallel_env("maps/two_egos", level="target")
 >>> observations, infos = env.reset(seed=1)
->>> observations, rewards, terminations, truncations, infos = env.step({name: env.action_space(name).sample() for name in env.agents})
+>>> actions = {name: env.action_space(name).sample() for name in env.agents}
+>>> observations, rewards, terminations, truncations, infos = env.step(actions)
 
 The agents have the names of the egos in the scenario (`[ego.NAME]`). They are asked at the same instants: the observations of all
 egos come before the first decision. Equal seeds and actions give equal observations, bit for bit.
