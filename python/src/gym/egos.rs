@@ -26,7 +26,6 @@ pub(crate) struct Egos {
 impl Egos {
     #[new]
     #[pyo3(signature = (scenario, level, observe, *, config=None, set=None, rows=8, allow_code=false))]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
         scenario: FileOr<'_>,
         level: &str,
@@ -101,11 +100,6 @@ impl Egos {
     /// True surroundings of the ego at `index`, for a picture: bodies and points of the route.
     fn scene(&self, index: usize) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
         self.drive().as_ref().map(|drive| drive.scene(index)).unwrap_or_default()
-    }
-
-    /// True if the drive is over for all egos.
-    fn is_over(&self) -> bool {
-        self.drive().as_ref().is_none_or(|drive| drive.is_over())
     }
 }
 
