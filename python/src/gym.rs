@@ -2,6 +2,7 @@
 
 mod action;
 mod drive;
+mod egos;
 mod observe;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,6 +19,7 @@ use crate::numbers::Numbers;
 use crate::run::{FileOr, Inputs};
 use action::Level;
 use drive::{Drive, FACTS, Task};
+pub(crate) use egos::Egos;
 
 /// Several drives of one scenario, each with a separate agent.
 #[pyclass(frozen, module = "swerve._swerve")]
@@ -84,6 +86,13 @@ impl Drives {
         let Inputs { config, scenario, .. } =
             Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
         let level = Level::named(level).map_err(PyValueError::new_err)?;
+        let egos = scenario.egos().len();
+        if egos > 1 {
+            let message = format!(
+                "the scenario has {egos} egos, expected one: swerve.pettingzoo has an agent for each"
+            );
+            return Err(PyValueError::new_err(message));
+        }
         let task = Task::new(config, scenario, level, &observe, rows).map_err(error)?;
         let lane = |_| Lane { drive: None, seed: 0, count: 0, over: true };
         let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
@@ -158,18 +167,18 @@ impl Drives {
 
     /// Newest image of an observed stream, of the drive at `index`; `None` before the first.
     fn image(&self, index: usize, stream: &str) -> Option<Numbers> {
-        self.lanes().get(index)?.drive.as_ref()?.image(&self.task, stream)
+        self.lanes().get(index)?.drive.as_ref()?.image(&self.task, 0, stream)
     }
 
     /// True surroundings of the ego of the drive at `index`, for a picture: bodies and points of the route.
     fn scene(&self, index: usize) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
         let lanes = self.lanes();
-        lanes.get(index).and_then(|lane| lane.drive.as_ref()).map(Drive::scene).unwrap_or_default()
+        lanes.get(index).and_then(|lane| lane.drive.as_ref()).map(|drive| drive.scene(0)).unwrap_or_default()
     }
 
     /// Reason for the end of the drive at `index`, if it ended: `goal`, `stopped`, `collision`, `timeout`.
     fn ended(&self, index: usize) -> Option<&'static str> {
-        self.lanes().get(index)?.drive.as_ref()?.ended()
+        self.lanes().get(index)?.drive.as_ref()?.ended(0)
     }
 }
 

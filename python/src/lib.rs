@@ -42,6 +42,7 @@ fn _swerve(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<streams::StreamData>()?;
     module.add_class::<numbers::Numbers>()?;
     module.add_class::<gym::Drives>()?;
+    module.add_class::<gym::Egos>()?;
     module.add_class::<guest::Guest>()?;
     module.add_class::<map::Lanes>()?;
     module.add_function(wrap_pyfunction!(command::host, module)?)?;

@@ -97,7 +97,9 @@ def _scale(field: str) -> float:
 class _Layout:
     """How observations and actions lie in the numbers of the extension."""
 
-    def __init__(self, drives: _swerve.Drives, observe: str | Sequence[str], normalize: bool) -> None:
+    def __init__(
+        self, drives: _swerve.Drives | _swerve.Egos, observe: str | Sequence[str], normalize: bool
+    ) -> None:
         self.period_s = drives.period_s()
         self.fields: dict[str, list[str]] = {}
         self.slices: list[tuple[str, slice, tuple[int, ...]]] = []

@@ -9,6 +9,7 @@ use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, LogError, Recorder, RunStart, Views};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
+use swerve_osi::GroundTruthViews;
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
 use swerve_stack::config::Images;
@@ -17,7 +18,7 @@ use swerve_stack::pipeline::Pipeline;
 
 use crate::ego::OfEgo;
 use crate::load::problems_error;
-use crate::views::views_of;
+use crate::views::{osi_of, views_of};
 
 /// Records a run. A failure is reported at once on standard error. It ends a run in virtual time; a run under wall
 /// clock continues.
@@ -87,6 +88,10 @@ pub fn set_up(recorder: &mut Recorder, config: &Setup, pipeline: &Pipeline) {
         let views: Box<dyn Views> = Box::new(config.registry.with_views_of(own));
         recorder.show(Box::new(OfEgo::new(&pipeline.names, views)));
     }
+    if config.log.osi {
+        let views: Box<dyn Views> = Box::new(GroundTruthViews::new(osi_of(config, pipeline)));
+        recorder.show(Box::new(OfEgo::new(&pipeline.names, views)));
+    }
 }
 
 /// Scenario of a run, from the head of its log.
@@ -115,3 +120,6 @@ pub fn run_start(config: &Setup, scenario: &Scenario, file: &Path) -> RunStart {
         extra: texts.collect(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,12 @@
-//! Static data of a run for Foxglove.
+//! Static data of a run for Foxglove and OSI.
 
 use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_foxglove::{self as foxglove, ImageForm, Mount, Sensor};
 use swerve_geom::{Ego, Point, Transform};
-use swerve_scenario::Scenario;
+use swerve_osi as osi;
+use swerve_scenario::{Scenario, TrafficLight};
 use swerve_stack::Setup;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -23,6 +24,25 @@ pub fn views_of(config: &Setup, pipeline: &Pipeline) -> foxglove::Setup {
     let actors = Arc::new(pipeline.scenario.names());
     let tracks = Arc::new(track_names(assembly, &pipeline.scenario));
     foxglove::Setup { mounts, detectors, actors, tracks, ..setup(config, &pipeline.scenario) }
+}
+
+/// Car, lanes and traffic lights of a run.
+pub(crate) fn osi_of(config: &Config, pipeline: &Pipeline) -> osi::Setup {
+    let road = &pipeline.scenario.road;
+    let light = |light: &TrafficLight| {
+        let signal = road.network().zip(light.signal).and_then(|(map, id)| map.signal(id));
+        osi::Light {
+            pose: light.pose,
+            height_m: signal.and_then(|signal| signal.height_m),
+            lanes: signal.map(|signal| signal.lanes.clone()).unwrap_or_default(),
+            program: light.program.clone(),
+        }
+    };
+    osi::Setup {
+        vehicle: config.sim.vehicle.clone(),
+        map: road.map(),
+        lights: road.lights.iter().map(light).collect(),
+    }
 }
 
 /// Road, car and sensors of a drive with a vehicle; all mounted sensors run.

@@ -73,7 +73,7 @@ impl Outbox {
         let topic = match self.topics.get(topic) {
             Some(known) => known.clone(),
             None => {
-                let new = Arc::new(ViewTopic { name: format!("/view/{topic}"), schema: schema() });
+                let new = Arc::new(ViewTopic::new(format!("/view/{topic}"), schema()));
                 self.topics.insert(topic.into(), new.clone());
                 new
             }

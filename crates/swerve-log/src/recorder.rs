@@ -47,7 +47,7 @@ pub struct Recorder {
     streams: Vec<(Name, usize)>,
     running: Vec<UnfinishedRecord<Name>>,
     leaves_out: Option<LeavesOut>,
-    views: Option<Box<dyn Views>>,
+    views: Vec<Box<dyn Views>>,
     shown: Vec<View>,
     sender: Option<Sender<Batch>>,
     /// Receives a token for each big item that waits.
@@ -69,16 +69,15 @@ impl Recorder {
         self.leaves_out = Some(payloads);
     }
 
-    /// Logs the messages of these views in addition to the run.
+    /// Logs the messages of these views in addition to the run, after those of the views before.
     pub fn show(&mut self, views: Box<dyn Views>) {
-        self.views = Some(views);
+        self.views.push(views);
     }
 
     /// Logs the views of an event.
     pub(crate) fn show_event(&mut self, event: &Event<'_>) {
-        let Some(views) = &mut self.views else { return };
         let mut shown = core::mem::take(&mut self.shown);
-        views.event(event, &mut shown);
+        self.views.iter_mut().for_each(|views| views.event(event, &mut shown));
         for view in shown.drain(..) {
             self.view(view);
         }
@@ -123,7 +122,7 @@ impl Recorder {
             streams: Vec::new(),
             running: Vec::new(),
             leaves_out: None,
-            views: None,
+            views: Vec::new(),
             shown: Vec::new(),
             sender: Some(sender),
             big,

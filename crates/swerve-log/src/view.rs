@@ -1,6 +1,7 @@
 //! Views: messages in third-party formats that a log contains in addition to its own.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_core::Time;
@@ -24,6 +25,17 @@ pub struct ViewTopic {
     pub name: String,
     /// Schema of its messages.
     pub schema: ViewSchema,
+    /// Entries of the metadata of its channel, beside those of the log.
+    pub metadata: BTreeMap<String, String>,
+    /// Metadata record of the file, by name, that readers of the messages need; written with the channel.
+    pub file_metadata: Option<(String, BTreeMap<String, String>)>,
+}
+
+impl ViewTopic {
+    /// Topic without metadata.
+    pub fn new(name: String, schema: ViewSchema) -> Self {
+        Self { name, schema, metadata: BTreeMap::new(), file_metadata: None }
+    }
 }
 
 /// A message of a view.

@@ -166,8 +166,12 @@ impl<W: Write + Seek> LogWriter<W> {
             None => {
                 let form = &topic.schema;
                 let schema = mcap.add_schema(&form.name, form.encoding, &form.data)?;
-                let metadata = BTreeMap::from([(format::KIND.into(), Kind::View.name().into())]);
+                let mut metadata = topic.metadata.clone();
+                metadata.insert(format::KIND.into(), Kind::View.name().into());
                 let channel = mcap.add_channel(schema, &topic.name, form.message_encoding, &metadata)?;
+                if let Some((name, metadata)) = topic.file_metadata.clone() {
+                    mcap.write_metadata(&Metadata { name, metadata })?;
+                }
                 self.views.entry(topic.name.clone()).or_insert((channel, 0))
             }
         };

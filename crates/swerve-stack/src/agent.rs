@@ -117,7 +117,7 @@ impl Agent {
 }
 
 /// Kind of the operator that an agent provides.
-const KIND: &str = "agent";
+pub(crate) const KIND: &str = "agent";
 
 /// Operator kind of an agent, for the assembly.
 struct AgentKind {

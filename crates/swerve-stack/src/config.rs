@@ -229,11 +229,13 @@ pub struct LogConfig {
     pub jpeg_quality: u8,
     /// Also records the run in the forms that Foxglove shows, under `/view`.
     pub foxglove: bool,
+    /// Also records each state of the simulated world as `osi3.GroundTruth` of ASAM OSI, under `/osi/ground_truth`.
+    pub osi: bool,
 }
 
 impl Default for LogConfig {
     fn default() -> Self {
-        Self { sensors: Vec::new(), images: Images::default(), jpeg_quality: 85, foxglove: true }
+        Self { sensors: Vec::new(), images: Images::default(), jpeg_quality: 85, foxglove: true, osi: false }
     }
 }
 

@@ -1,31 +1,32 @@
 //! A pipeline: the operators of an assembly in a graph, ready to run.
 
+mod stacks;
+
 use core::any::Any;
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, anyhow};
 use swerve_core::{Rng, Span, Time};
-use swerve_flow::{Graph, Payload, Policy, RuntimeModel, SourceHandle};
+use swerve_flow::{Graph, Payload, SourceHandle};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Route};
 use swerve_scenario::Scenario;
 use swerve_sim::with_traffic;
-use swerve_text::in_one_line;
 use swerve_vehicle::VehicleParams;
 
 use crate::agent::Agent;
 use crate::assembly::{Assembly, Placed};
 use crate::base::on_road;
 use crate::config::clock::Clock;
-use crate::config::execution::{parse_policy, span_ms, span_of_ms};
-use crate::kind::{Heavy, Node, Role};
+use crate::config::execution::span_of_ms;
+use crate::kind::{Node, Role};
 use crate::namespace::Namespace;
-use crate::operators::{add_shared, deadlines};
-use crate::problems::KeyProblems;
 use crate::setup::Setup;
-use crate::site::{Building, OnRung, Site, Surroundings};
+use crate::site::{Building, Surroundings};
 use crate::stage::{self, Rendered, SharedStage, StreamMemory};
 use crate::unseen::Unseen;
+
+use stacks::assemble;
 
 pub use crate::controllers::controller;
 
@@ -99,9 +100,10 @@ pub struct OtherStack {
 }
 
 impl OtherStack {
-    /// Stacks of all egos of a scenario but the first, for the configuration of the first.
-    fn all(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Vec<Self>> {
-        scenario.egos().into_iter().skip(1).map(|(id, ego)| Self::new(setup, scenario, (id, ego))).collect()
+    /// Stacks of all egos of a scenario but the first, by the configuration of each.
+    fn all(of_ego: impl Fn(usize) -> Setup, scenario: &Scenario) -> anyhow::Result<Vec<Self>> {
+        let egos = scenario.egos().into_iter().enumerate().skip(1);
+        egos.map(|(k, ego)| Self::new(&of_ego(k), scenario, ego)).collect()
     }
 
     fn new(setup: &Setup, scenario: &Scenario, (id, ego): (ActorId, &str)) -> anyhow::Result<Self> {
@@ -136,11 +138,15 @@ impl Pipeline {
     /// # Errors
     /// If the configuration requests something unavailable.
     pub fn build(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
-        let pipeline = Self::build_without_stage(setup, scenario)?;
-        if let Some(stage) = pipeline.stage.as_ref().filter(|_| pipeline.fed.is_empty()) {
-            stage.raise(setup, &pipeline.scenario).context("building the pipeline")?;
+        Self::build_without_stage(setup, scenario)?.with_stage(setup)
+    }
+
+    /// Initialises the scene of rendered sensors, if there are any.
+    fn with_stage(self, setup: &Setup) -> anyhow::Result<Self> {
+        if let Some(stage) = self.stage.as_ref().filter(|_| self.fed.is_empty()) {
+            stage.raise(setup, &self.scenario).context("building the pipeline")?;
         }
-        Ok(pipeline)
+        Ok(self)
     }
 
     /// As [`build`](Self::build), with an external agent in place of a part of the stack.
@@ -153,12 +159,35 @@ impl Pipeline {
         Self::build(&agent.placed_in(setup)?, scenario)
     }
 
+    /// As [`build_for`](Self::build_for), with an agent for each ego, in the order of their identities. All agents
+    /// replace the same operator; their turns at an instant come after those of everything before it in all stacks.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build); or the numbers of agents and egos differ.
+    pub fn build_for_each(setup: &Setup, scenario: &Scenario, agents: &[Agent]) -> anyhow::Result<Self> {
+        let egos = scenario.egos().len();
+        anyhow::ensure!(
+            egos == agents.len(),
+            "expected an agent for each of {egos} egos, found {}",
+            agents.len()
+        );
+        let placed: Vec<Setup> =
+            agents.iter().map(|agent| agent.placed_in(setup)).collect::<Result<_, _>>()?;
+        Self::build_of(|k| placed[k].clone(), scenario)?.with_stage(&placed[0])
+    }
+
     /// As [`build`](Self::build), for a process that steps no cameras and lidars.
     ///
     /// # Errors
     /// As [`build`](Self::build).
     pub fn build_without_stage(setup: &Setup, scenario: &Scenario) -> anyhow::Result<Self> {
-        let given = setup;
+        Self::build_of(|_| setup.clone(), scenario)
+    }
+
+    /// Builds the pipeline without its scene; `of_ego` gives the configuration of each ego's stack, by its place among
+    /// the egos.
+    fn build_of(of_ego: impl Fn(usize) -> Setup, scenario: &Scenario) -> anyhow::Result<Self> {
+        let given = &of_ego(0);
         let setup = &*on_road(given, &scenario.road);
         let scenario = drawn(setup, scenario);
         let assembly = Assembly::new(setup)?;
@@ -169,16 +198,20 @@ impl Pipeline {
         if setup.live.is_none() {
             Unseen::new(&setup.sensing, &scenario)?;
         }
-        let others = OtherStack::all(given, &scenario)?;
+        let others = OtherStack::all(of_ego, &scenario)?;
         let names = match others.is_empty() {
             true => Namespace::default(),
             false => Namespace::new(&scenario.ego_name, true, world_of(&assembly)?),
         };
-        let around = Surroundings { scenario, vehicle };
+        let around =
+            |scenario: &Scenario| Surroundings { scenario: scenario.clone(), vehicle: vehicle.clone() };
+        let all_around = core::iter::once(&scenario).chain(others.iter().map(|other| &other.scenario));
+        let all_around: Vec<Surroundings> = all_around.map(around).collect();
+        let of_others = others.iter().map(|other| (&other.setup, &other.assembly, &other.names));
+        let stacks: Vec<_> = core::iter::once((setup, &assembly, &names)).chain(of_others).collect();
         let Building { mut graph, memory, sources, stage, last_fault, .. } =
-            assemble((setup, &assembly, &names), &around, &others).context("building the pipeline")?;
+            assemble(&stacks, &all_around).context("building the pipeline")?;
         let fed = if setup.sim.guest { feed_outside(&mut graph, &assembly)? } else { Vec::new() };
-        let Surroundings { scenario, vehicle } = around;
         let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(setup.sim.dt_ms));
         let clock = setup.clock.source;
         Ok(Self {
@@ -287,160 +320,4 @@ fn problem_of_several(setup: &Setup) -> Option<&'static str> {
         return Some("the scenario has several egos: expected one to drive over ROS 2 or on a vehicle");
     }
     (!setup.process.is_empty()).then_some("the scenario has several egos: expected no [process.NAME]")
-}
-
-/// Adds the stacks of all egos, the first with the world.
-fn assemble(
-    first: (&Setup, &Assembly, &Namespace),
-    around: &Surroundings,
-    others: &[OtherStack],
-) -> anyhow::Result<Building> {
-    let mut building = Building::default();
-    let all: Vec<&Namespace> =
-        core::iter::once(first.2).chain(others.iter().map(|other| &other.names)).collect();
-    add_stack(&mut building, first, around, World::Added(&all))?;
-    for OtherStack { names, setup, assembly, scenario, .. } in others {
-        let around = Surroundings { scenario: scenario.clone(), vehicle: around.vehicle.clone() };
-        add_stack(&mut building, (setup, assembly, names), &around, World::There)?;
-    }
-    for (feedback, edge) in core::mem::take(&mut building.loops) {
-        let befallen = building.befallen.get(&edge.stream).filter(|_| !edge.raw).copied();
-        let stream = befallen.or_else(|| building.graph.stream(&edge.stream));
-        let stream = stream.with_context(|| format!("there is no stream `{}`", edge.stream))?;
-        building.graph.connect_any(feedback, stream)?;
-    }
-    Ok(building)
-}
-
-/// The world of a stack that is added.
-#[derive(Clone, Copy)]
-enum World<'a> {
-    /// It is added with this stack, for stacks of these names.
-    Added(&'a [&'a Namespace]),
-    /// It is there already.
-    There,
-}
-
-/// Adds every operator with its `[operator.NAME]` settings and the faults on its streams, in the order of the assembly.
-fn add_stack(
-    building: &mut Building,
-    (setup, assembly, names): (&Setup, &Assembly, &Namespace),
-    surroundings: &Surroundings,
-    world: World<'_>,
-) -> anyhow::Result<()> {
-    let resources: BTreeMap<&str, swerve_flow::Resource> = setup
-        .resource
-        .iter()
-        .map(|(name, resource)| {
-            (name.as_str(), building.graph.resource(names.operator(name), resource.slots))
-        })
-        .collect();
-    for placed in assembly.operators() {
-        let mut site = Site {
-            building,
-            operators: assembly.operators(),
-            placed,
-            setup,
-            surroundings,
-            names,
-            on_rung: None,
-        };
-        match (placed.kind.node().role, world) {
-            (Role::World, World::Added(stacks)) if stacks.len() > 1 => add_shared(&mut site, stacks)?,
-            (Role::World, World::There) => {
-                put_faults(building, setup, placed, names)?;
-                continue;
-            }
-            _ => add_rungs(&mut site)?,
-        }
-        let resource = placed.own.uses.as_deref().and_then(|name| resources.get(name)).copied();
-        configure(&mut site, resource)?;
-        put_faults(building, setup, placed, names)?;
-    }
-    Ok(())
-}
-
-/// Adds an operator, on each of its rungs.
-fn add_rungs(site: &mut Site<'_>) -> anyhow::Result<()> {
-    let (placed, setup) = (site.placed, site.setup);
-    let wrong = |found: KeyProblems| anyhow!("operator.{}: {}", placed.name, in_one_line(&found));
-    for rung in placed.schedule.rungs() {
-        site.on_rung = rung.map(|rung| OnRung::new(placed, setup, rung)).transpose().map_err(wrong)?;
-        placed.kind.add(site)?;
-    }
-    site.on_rung = None;
-    Ok(())
-}
-
-/// Sets timer, run time, policy, deadline, resource and delay of an operator.
-fn configure(site: &mut Site<'_>, resource: Option<swerve_flow::Resource>) -> anyhow::Result<()> {
-    let (placed, setup) = (site.placed, site.setup);
-    let (name, schedule) = (&placed.name, &placed.schedule);
-    let wrong = |message: String| anyhow!("operator.{name}: {message}");
-    let (own, settings) = (&placed.own, placed.settings(setup));
-    let way = placed.kind.on_its_way(&settings);
-    let deadline = match &own.deadline {
-        Some(deadline) => Some(deadline.deadline().map_err(wrong)?),
-        None => deadlines::deadline(site)?,
-    };
-    let mut node = site.node()?;
-    if let Some(period) = schedule.period {
-        node = node.on_timer(settings.drawn_timer(period));
-    }
-    if placed.kind.node().origin {
-        node = node.origin();
-    }
-    node = node.runtime(match (&own.runtime, &way) {
-        _ if !own.rungs.is_empty() => RuntimeModel::LADDER,
-        (Some(runtime), _) => runtime.model().map_err(wrong)?,
-        (None, Some(way)) => RuntimeModel::Fixed(way.after),
-        (None, None) => placed.kind.runtime(&settings).map_err(wrong)?,
-    });
-    if let Some(policy) = &own.policy {
-        node = node.policy(parse_policy(policy).map_err(wrong)?);
-    } else if let Some(way) = &way {
-        node = node.policy(Policy::pipelined(way.frames));
-    }
-    if let Some(deadline) = deadline {
-        node = node.deadline(deadline);
-    }
-    if let Some(resource) = resource {
-        node = node.uses(resource);
-    }
-    let delay = span_ms(own.delay_ms + placed.kind.added_delay_ms(&settings)).map_err(wrong)?;
-    let later = way.filter(|_| own.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
-    node = node.delay(delay + later);
-    let is_heavy = match placed.kind.node().heavy {
-        Heavy::Yes => true,
-        Heavy::OnWallClock => settings.on_wall_clock(),
-        Heavy::No => false,
-    };
-    let _configured = if is_heavy || setup.process_of(name).is_some() { node.heavy() } else { node };
-    Ok(())
-}
-
-/// Adds the configuration's faults between an operator's streams and their readers.
-fn put_faults(
-    building: &mut Building,
-    setup: &Setup,
-    placed: &Placed,
-    names: &Namespace,
-) -> anyhow::Result<()> {
-    for (k, output) in placed.outputs.iter().enumerate() {
-        let on_it = |name: &str| name == output.stream || (k == 0 && name == placed.name);
-        for (name, fault) in setup.fault.iter().filter(|(_, fault)| on_it(&fault.stream)) {
-            let corruptible = setup.registry.corruptible(output.port.payload);
-            let corruptible = corruptible
-                .with_context(|| format!("fault.{name}: no fault befalls `{}`", output.port.payload))?;
-            let in_graph = names.stream(&output.stream);
-            let stream = building.befallen.get(&in_graph).copied();
-            let stream = stream.or_else(|| building.graph.stream(&in_graph));
-            let stream = stream.with_context(|| format!("there is no stream `{in_graph}`"))?;
-            let operator = names.operator(name);
-            let befallen = corruptible.put_on(&mut building.graph, stream, (&operator, fault), setup.seed)?;
-            building.befallen.insert(in_graph.clone(), befallen);
-            building.last_fault.insert(in_graph, operator);
-        }
-    }
-    Ok(())
 }

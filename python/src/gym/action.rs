@@ -97,6 +97,15 @@ impl Wheel {
             Self::Plan(seat) => seat.set(plan(numbers, ego)),
         }
     }
+
+    /// Decides to brake to a standstill and to stay there.
+    pub(crate) fn stop(&self, ego: &EgoState) {
+        match self {
+            Self::Command(seat) => seat.set(Command::FULL_BRAKE),
+            Self::Target(seat) => seat.set(Target::default()),
+            Self::Plan(seat) => seat.set(plan(&[0.0; 3 * POINTS], ego)),
+        }
+    }
 }
 
 /// Plan from the ego's pose through points ahead of it.

@@ -1,4 +1,4 @@
-//! One drive stepped by an agent.
+//! One drive stepped by an agent, or by an agent for each ego.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Route};
 use swerve_scenario::Scenario;
 use swerve_stack::Setup;
-use swerve_stack::pipeline::Pipeline;
+use swerve_stack::pipeline::{Pipeline, Stack};
 use swerve_vehicle::Shape;
 
 use super::action::{Level, Wheel};
@@ -67,15 +67,22 @@ impl Task {
         observe: &[String],
         rows: usize,
     ) -> anyhow::Result<Self> {
-        let (agent, _) = level.agent();
-        let pipeline = Pipeline::build_for(&config, &scenario, &agent)?;
+        let agents: Vec<_> = scenario.egos().iter().map(|_| level.agent().0).collect();
+        let pipeline = Pipeline::build_for_each(&config, &scenario, &agents)?;
         let described = pipeline.graph.describe()?;
-        let streams: BTreeMap<_, _> = described.operators.into_iter().flat_map(|o| o.outputs).collect();
+        let streams = described.operators.into_iter().flat_map(|o| o.outputs);
+        let own = |(stream, of): (String, String)| Some((pipeline.names.own(&stream)?.to_owned(), of));
+        let streams: BTreeMap<_, _> = streams.filter_map(own).collect();
         ensure!(streams.contains_key("world"), "the scenario has no world");
         let observed: anyhow::Result<_> =
             observe.iter().map(|name| observed(name, &streams, &config)).collect();
         ensure!((1..=1000).contains(&rows), "rows: expected 1 to 1000, found {rows}");
         Ok(Self { observed: observed?, config, scenario, level, rows })
+    }
+
+    /// Names of the egos, in the order of their identities.
+    pub(crate) fn egos(&self) -> Vec<String> {
+        self.scenario.egos().into_iter().map(|(_, name)| name.to_owned()).collect()
     }
 
     /// Observations in order: name, shape, data type, names of the numbers.
@@ -152,10 +159,17 @@ pub(crate) struct Drive {
     session: Session<'static>,
     /// Worker processes of the drive; dropped after the session.
     _processes: Option<Processes>,
+    until: Time,
+    egos: Vec<DrivenEgo>,
+    /// True if no decision follows.
+    over: bool,
+}
+
+/// An ego, and the agent that drives it.
+struct DrivenEgo {
     wheel: Wheel,
     route: Route,
     target_speed_mps: f64,
-    until: Time,
     world: Watched,
     pose: Watched,
     watched: Vec<Watched>,
@@ -167,8 +181,6 @@ pub(crate) struct Drive {
     collided: bool,
     left_road: bool,
     ended: Option<EndReason>,
-    /// True if no decision follows.
-    over: bool,
 }
 
 impl Drive {
@@ -176,51 +188,64 @@ impl Drive {
     pub(crate) fn begin(task: &Task, seed: i64) -> anyhow::Result<Self> {
         let mut config = task.config.clone();
         config.seed = seed.unsigned_abs();
-        let (agent, wheel) = task.level.agent();
-        let mut pipeline = Pipeline::build_for(&config, &task.scenario, &agent)?;
+        let (agents, wheels): (Vec<_>, Vec<_>) =
+            task.scenario.egos().iter().map(|_| task.level.agent()).unzip();
+        let mut pipeline = Pipeline::build_for_each(&config, &task.scenario, &agents)?;
         let processes = Processes::start_needed(&config, &mut pipeline)?;
-        let Pipeline { graph, scenario, route, until, vehicle, .. } = pipeline;
+        let of_stack = |stack: Stack<'_>| {
+            (stack.names.clone(), stack.route.clone(), stack.scenario.ego.target_speed_mps)
+        };
+        let stacks: Vec<_> = pipeline.stacks().into_iter().map(of_stack).collect();
+        let Pipeline { graph, until, vehicle, .. } = pipeline;
         let options = RunOptions::until(until).seed(config.seed);
         let mut session = Session::new(graph, &options, Vec::new())?;
-        session.hold_before(&agent.operator(&config)?)?;
-        let steps = (agent.period(&config).as_secs() * 1e3 / config.sim.dt_ms).ceil() as usize;
-        let mut watch = |name: &str, depth: usize| {
-            session.watch(name, depth).with_context(|| format!("there is no stream `{name}`"))
-        };
-        let (world, pose) = (watch("world", steps + 1)?, watch("pose", 1)?);
-        let watched: anyhow::Result<_> =
-            task.observed.iter().map(|observed| watch(&observed.stream, 1)).collect();
-        let mut drive = Self {
-            session,
-            _processes: processes,
-            wheel,
-            target_speed_mps: scenario.ego.target_speed_mps,
-            route,
-            until,
-            world,
-            pose,
-            watched: watched?,
-            ego: EgoState::default(),
-            truth: EgoState { stamp: Time::from_ns(-1), ..EgoState::default() },
-            place: FrenetPoint::default(),
-            shape: vehicle.shape,
-            collided: false,
-            left_road: false,
-            ended: None,
-            over: false,
-        };
+        // The turns of the other agents at this instant follow.
+        session.hold_before(&agents[0].operator(&config)?)?;
+        let steps = (agents[0].period(&config).as_secs() * 1e3 / config.sim.dt_ms).ceil() as usize;
+        let egos = wheels.into_iter().zip(stacks).map(|(wheel, (names, route, target_speed_mps))| {
+            let mut watch = |own: &str, depth: usize| {
+                let name = names.stream(own);
+                session.watch(&name, depth).with_context(|| format!("there is no stream `{name}`"))
+            };
+            let (world, pose) = (watch("world", steps + 1)?, watch("pose", 1)?);
+            let watched: anyhow::Result<_> =
+                task.observed.iter().map(|observed| watch(&observed.stream, 1)).collect();
+            Ok(DrivenEgo {
+                wheel,
+                route,
+                target_speed_mps,
+                world,
+                pose,
+                watched: watched?,
+                ego: EgoState::default(),
+                truth: EgoState { stamp: Time::from_ns(-1), ..EgoState::default() },
+                place: FrenetPoint::default(),
+                shape: vehicle.shape,
+                collided: false,
+                left_road: false,
+                ended: None,
+            })
+        });
+        let egos: anyhow::Result<_> = egos.collect();
+        let mut drive = Self { egos: egos?, session, _processes: processes, until, over: false };
         drive.go_on()?;
         Ok(drive)
     }
 
-    /// Passes a decision and continues to the next decision or the end.
+    /// Passes the decisions of all egos, one after the other, and continues to the next decision or the end. An ego whose
+    /// scenario is over stops.
     pub(crate) fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
         ensure!(
             action.iter().all(|number| number.is_finite()),
             "an action of the level {:?} has a number that is not finite: {action:?}",
             task.level
         );
-        self.wheel.take(action, &self.ego);
+        for (ego, numbers) in self.egos.iter().zip(action.chunks(task.actions_len())) {
+            match ego.ended {
+                None => ego.wheel.take(numbers, &ego.ego),
+                Some(_) => ego.wheel.stop(&ego.ego),
+            }
+        }
         self.go_on()
     }
 
@@ -229,14 +254,60 @@ impl Drive {
         if let Some(failure) = self.session.failure() {
             bail!("{failure}");
         }
-        self.look();
+        let Self { egos, session, .. } = self;
+        egos.iter_mut().for_each(|ego| ego.look(session));
         Ok(())
     }
 
+    /// True if the drive is over for all egos.
+    pub(crate) fn is_over(&self) -> bool {
+        self.has_stopped() || self.egos.iter().all(|ego| ego.ended.is_some())
+    }
+
+    /// True if the run is over, of whatever egos.
+    fn has_stopped(&self) -> bool {
+        self.over || self.session.now() >= self.until
+    }
+
+    /// Reason for the end of the drive of an ego, by its place among the egos.
+    pub(crate) fn ended(&self, ego: usize) -> Option<&'static str> {
+        match self.egos.get(ego)?.ended {
+            Some(EndReason::Goal) => Some("goal"),
+            Some(EndReason::Stopped) => Some("stopped"),
+            Some(EndReason::Collision) => Some("collision"),
+            Some(EndReason::Timeout) => Some("timeout"),
+            None => self.has_stopped().then_some("timeout"),
+        }
+    }
+
+    /// Current observations of all egos, without images.
+    pub(crate) fn observe(&self, task: &Task, numbers: &mut Vec<f32>) {
+        self.egos.iter().for_each(|ego| ego.observe(task, &self.session, numbers));
+    }
+
+    /// Newest image of a stream of an ego.
+    pub(crate) fn image(&self, task: &Task, ego: usize, stream: &str) -> Option<Numbers> {
+        let index = task.observed.iter().position(|observed| observed.name == stream)?;
+        image(self.session.newest(self.egos.get(ego)?.watched[index])?.1)
+    }
+
+    /// True surroundings of an ego for a picture: kind, pose of the middle, length and width of each body, the ego's first;
+    /// points of the route around the ego, with the distances to its left and right border.
+    pub(crate) fn scene(&self, ego: usize) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
+        self.egos.get(ego).map(|ego| ego.scene(&self.session)).unwrap_or_default()
+    }
+
+    /// Ground-truth facts: for each ego as many numbers as [`FACTS`] has names.
+    pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
+        self.egos.iter().for_each(|ego| ego.tell(self.has_stopped(), facts));
+    }
+}
+
+impl DrivenEgo {
     /// Updates the world state and the localized ego state.
-    fn look(&mut self) {
+    fn look(&mut self, session: &Session<'_>) {
         let first = self.truth.stamp < Time::ZERO;
-        for (header, payload) in self.session.recent(self.world) {
+        for (header, payload) in session.recent(self.world) {
             let Some(world) = (**payload).as_any().downcast_ref::<WorldState>() else { continue };
             if header.stamp <= self.truth.stamp {
                 continue;
@@ -251,49 +322,25 @@ impl Drive {
             true => self.route.project(point),
             false => self.route.project_near(point, self.place.s_m, REACH_M),
         };
-        let pose =
-            self.session.newest(self.pose).and_then(|(_, p)| (**p).as_any().downcast_ref::<EgoState>());
+        let pose = session.newest(self.pose).and_then(|(_, p)| (**p).as_any().downcast_ref::<EgoState>());
         // Before the first measurement the agent knows the same pose as the car at its start.
         self.ego = pose.copied().unwrap_or(self.truth);
     }
 
-    pub(crate) fn is_over(&self) -> bool {
-        self.over || self.ended.is_some() || self.session.now() >= self.until
-    }
-
-    pub(crate) fn ended(&self) -> Option<&'static str> {
-        match self.ended {
-            Some(EndReason::Goal) => Some("goal"),
-            Some(EndReason::Stopped) => Some("stopped"),
-            Some(EndReason::Collision) => Some("collision"),
-            Some(EndReason::Timeout) => Some("timeout"),
-            None => self.is_over().then_some("timeout"),
-        }
-    }
-
-    /// Current observation, without images.
-    pub(crate) fn observe(&self, task: &Task, numbers: &mut Vec<f32>) {
+    fn observe(&self, task: &Task, session: &Session<'_>, numbers: &mut Vec<f32>) {
         let (ego, route) = (&self.ego, &self.route);
         let from = From { ego, ahead: ego.pose.direction(), route, rows: task.rows };
         for (observed, stream) in task.observed.iter().zip(&self.watched) {
-            let newest = self.session.newest(*stream).map(|(_, payload)| payload);
+            let newest = session.newest(*stream).map(|(_, payload)| payload);
             from.numbers(observed.form, newest, numbers);
         }
     }
 
-    /// Newest image of a stream.
-    pub(crate) fn image(&self, task: &Task, stream: &str) -> Option<Numbers> {
-        let index = task.observed.iter().position(|observed| observed.name == stream)?;
-        image(self.session.newest(self.watched[index])?.1)
-    }
-
-    /// True surroundings for a picture: kind, pose of the middle, length and width of each body, the ego's first; points of
-    /// the route around the ego, with the distances to its left and right border.
-    pub(crate) fn scene(&self) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
+    fn scene(&self, session: &Session<'_>) -> (Vec<[f64; 6]>, Vec<[f64; 5]>) {
         let center = self.shape.footprint(self.truth.pose).center;
         let size = (self.shape.length_m, self.shape.width_m);
         let mut bodies = vec![[-1.0, center.x_m, center.y_m, center.heading_rad, size.0, size.1]];
-        let world = self.session.newest(self.world);
+        let world = session.newest(self.world);
         let world = world.and_then(|(_, payload)| (**payload).as_any().downcast_ref::<WorldState>());
         bodies.extend(world.into_iter().flat_map(|world| &world.actors).map(|actor| {
             let (pose, extent) = (actor.pose, actor.extent);
@@ -308,12 +355,12 @@ impl Drive {
         (bodies, points.collect())
     }
 
-    /// Ground-truth facts: as many numbers as [`FACTS`] has names.
-    pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
+    /// Facts; `has_stopped` if the run is over.
+    fn tell(&self, has_stopped: bool, facts: &mut Vec<f64>) {
         let on_line = self.route.line().at(self.place.s_m);
         let flag = |yes: bool| f64::from(u8::from(yes));
         let ended = match self.ended {
-            None if self.is_over() => 4.0,
+            None if has_stopped => 4.0,
             None => 0.0,
             Some(EndReason::Goal) => 1.0,
             Some(EndReason::Stopped) => 2.0,

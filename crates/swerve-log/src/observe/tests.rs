@@ -231,13 +231,18 @@ impl crate::Views for Shown {
         let bytes = if is_image { 1 << 20 } else { 8 };
         out.push(crate::View {
             topic: std::sync::Arc::new(crate::ViewTopic {
-                name: if is_image { "/view/image" } else { "/view/command" }.into(),
-                schema: crate::ViewSchema {
-                    name: "Shown".into(),
-                    message_encoding: "protobuf",
-                    encoding: "protobuf",
-                    data: vec![1].into(),
-                },
+                metadata: [("unit".to_owned(), "1".to_owned())].into(),
+                file_metadata: is_image
+                    .then(|| ("about".to_owned(), [("a".to_owned(), "b".to_owned())].into())),
+                ..crate::ViewTopic::new(
+                    if is_image { "/view/image" } else { "/view/command" }.into(),
+                    crate::ViewSchema {
+                        name: "Shown".into(),
+                        message_encoding: "protobuf",
+                        encoding: "protobuf",
+                        data: vec![1].into(),
+                    },
+                )
             }),
             visible_at: p.visible_at,
             stamp: p.visible_at,
@@ -269,8 +274,11 @@ fn views_are_in_the_file_but_not_in_the_record() {
             (channel.message_encoding.as_str(), channel.metadata["kind"].as_str()),
             ("protobuf", "view")
         );
+        assert_eq!(channel.metadata["unit"], "1");
         summary.stats.as_ref().unwrap().channel_message_counts[id]
     };
+    let about = summary.metadata_indexes.iter().filter(|index| index.name == "about").count();
+    assert_eq!(about, 1);
     let commands = log.publications("control").count() as u64;
     assert_eq!((count("/view/image"), count("/view/command")), (commands / 10, commands - commands / 10));
 }
