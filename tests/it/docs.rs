@@ -3,7 +3,7 @@
 //!
 //! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
 //! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of
-//! `swerve plan`.
+//! `swerve plan`. Tutorials are run as they are written: `crates/swerve/tests/it/tutorials.rs`.
 //! Names with `my_` are the reader's.
 
 use std::path::{Path, PathBuf};
@@ -121,8 +121,9 @@ fn every_command_parses() {
     let mut seen = 0;
     let mut pages = pages();
     let more = markdown("docs").filter(|path| !path.ends_with("README.md"));
+    let more = more.chain(markdown("docs/tutorial"));
     pages.extend(more.map(|path| (path.clone(), std::fs::read_to_string(root().join(path)).unwrap())));
-    for block in blocks_of(pages).iter().filter(|block| block.info == "sh") {
+    for block in blocks_of(pages).iter().filter(|block| block.info.split(' ').next() == Some("sh")) {
         for line in block.text.replace("\\\n", " ").lines() {
             for call in calls(line) {
                 let parsed = cli::parse(&call);
@@ -199,7 +200,7 @@ fn every_page_is_in_the_lists() {
         links.filter(|link| link.ends_with(".md")).map(str::to_owned).collect()
     };
     let lists = ["README.md", "SUMMARY.md"];
-    for folder in ["", "howto/"] {
+    for folder in ["", "howto/", "tutorial/"] {
         for entry in std::fs::read_dir(docs.join(folder)).unwrap() {
             let page = format!("{folder}{}", entry.unwrap().file_name().to_string_lossy());
             for list in lists.iter().filter(|_| page.ends_with(".md") && !lists.contains(&&*page)) {
@@ -288,7 +289,7 @@ fn links_lead_to_existing_targets_and_leave_the_site_only_by_https() {
     let mut anchors = 0;
     let mut pages =
         ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md"].map(|page| root.join(page)).to_vec();
-    for folder in ["docs", "docs/howto"] {
+    for folder in ["docs", "docs/howto", "docs/tutorial"] {
         let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
     }
