@@ -123,7 +123,10 @@ class PlanRequest(Message):
     def points(
         self, t_s: Any, x_m: Any, y_m: Any, heading_rad: Any, curvature_1pm: Any, speed_mps: Any
     ) -> list[PlanPoint]:
-        """Points of a plan from arrays, at seconds after the start; accelerations are the derivatives of the speeds."""
+        """Points of a plan from arrays, at seconds after the start; accelerations are the derivatives of the speeds.
+
+        The first point is the start state, at 0 s: the start state of the next plan is predicted from this plan.
+        """
         accel_mps2 = np.gradient(speed_mps, t_s)
         columns = (t_s, x_m, y_m, heading_rad, curvature_1pm, speed_mps, accel_mps2)
         return [

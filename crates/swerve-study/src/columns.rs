@@ -133,8 +133,14 @@ pub(crate) fn check_numeric(column: &str) -> Result<(), String> {
         Some((_, false)) => Err(format!("expected a column with numbers or booleans; `{column}` has words")),
         None => {
             let named = all.iter().filter(|(name, is_numeric)| **is_numeric && !name.contains(ANY));
-            let near = named.map(|(name, _)| name.as_str());
-            Err(format!("`cells.csv` has no column `{column}`{}", did_you_mean(column, near)))
+            let near = did_you_mean(column, named.map(|(name, _)| name.as_str()));
+            let common = || {
+                let numeric = DRIVE.iter().filter(|name| all.get(**name) == Some(&true));
+                let quoted: Vec<String> = numeric.map(|name| format!("`{name}`")).collect();
+                format!("; columns of every drive are {}", quoted.join(", "))
+            };
+            let hint = if near.is_empty() { common() } else { near };
+            Err(format!("`cells.csv` has no column `{column}`{hint}"))
         }
     }
 }
@@ -200,6 +206,11 @@ mod tests {
             ("min_distanc_m", "`cells.csv` has no column `min_distanc_m`; did you mean `min_distance_m`?"),
             ("operator..p99_ms", "`cells.csv` has no column `operator..p99_ms`"),
             ("operator.planner.p98_ms", "`cells.csv` has no column `operator.planner.p98_ms`"),
+            (
+                "avoided",
+                "`cells.csv` has no column `avoided`; columns of every drive are `no_collision`, `on_road`, \
+                 `min_distance_m`,",
+            ),
             ("verdict", "expected a column with numbers or booleans; `verdict` has words"),
             ("impact_name", "expected a column with numbers or booleans; `impact_name` has words"),
         ] {

@@ -68,7 +68,8 @@ fn name(file: &Shipped) -> &'static str {
 /// Dependency lines for the template's operator: paths into the checkout that this program was built from, if it still
 /// exists.
 fn dependencies(checkout: Option<&Path>) -> String {
-    const CRATES: [&str; 5] = ["swerve", "swerve-core", "swerve-flow", "swerve-msg", "swerve-stack"];
+    const CRATES: [&str; 6] =
+        ["swerve", "swerve-core", "swerve-flow", "swerve-msg", "swerve-planning", "swerve-stack"];
     let from = |name: &str| match checkout {
         Some(crates) => format!("path = {}", toml::Value::from(crates.join(name).display().to_string())),
         None => format!("git = \"{}\"", env!("CARGO_PKG_REPOSITORY")),

@@ -33,5 +33,6 @@ mod study; // cells, resuming, shards, failing cells, repeating a cell
 mod support; // a folder to call the program in
 mod timing; // the engine against the reference model
 mod trust; // programs named in files
+mod tutorials; // commands and files of the tutorials
 mod view; // a run watched and controlled while in progress
 mod writing; // output files, complete or absent

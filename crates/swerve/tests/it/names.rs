@@ -239,20 +239,11 @@ mod long {
     fn package_of_a_new_folder_builds_and_drives() {
         let bench = Bench::new();
         bench.good(&["new", "begin"]);
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-        std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
-        // In the existing target folder, with the same profile and features, so that only Swerve's own crates and the
-        // package are built; `.ci/python` uses the same builds of these crates.
-        let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
-        let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
-        let own = bench.read("begin/Cargo.toml");
-        let (own, _) = own.split_once("[profile.dev]").unwrap();
-        let own = own.replace("swerve = { ", "swerve = { features = [\"full\"], ");
-        bench.write("begin/Cargo.toml", &format!("{own}[profile.dev]{profiles}"));
-        let target = std::path::Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap();
+        // `.ci/python` uses the same builds of Swerve's crates.
+        bench.use_builds_of_the_workspace("begin");
         let said = std::process::Command::new(env!("CARGO"))
             .args(["run", "--offline", "--quiet", "--", "run", "scenario.toml", "-c", "own.toml"])
-            .env("CARGO_TARGET_DIR", target)
+            .env("CARGO_TARGET_DIR", Bench::target())
             .current_dir(bench.path("begin"))
             .output()
             .unwrap();

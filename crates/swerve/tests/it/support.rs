@@ -53,6 +53,30 @@ impl Bench {
         bench
     }
 
+    pub(crate) fn empty() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    /// The target folder of these tests.
+    pub(crate) fn target() -> &'static Path {
+        Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap()
+    }
+
+    /// Gives the package of a new folder the lock file, profile and features of this workspace: in the target folder
+    /// of these tests, only Swerve's own crates and the package are built then.
+    pub(crate) fn use_builds_of_the_workspace(&self, folder: &str) {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        std::fs::copy(format!("{root}/Cargo.lock"), self.path(&format!("{folder}/Cargo.lock"))).unwrap();
+        let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
+        let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
+        let own = self.read(&format!("{folder}/Cargo.toml"));
+        let (own, _) = own.split_once("[profile.dev]").unwrap();
+        let own = own.replace("swerve = { ", "swerve = { features = [\"full\"], ");
+        // Another program than that of other tests in the same target folder.
+        let own = own.replace("my_stack", &format!("package_{folder}"));
+        self.write(&format!("{folder}/Cargo.toml"), &format!("{own}[profile.dev]{profiles}"));
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
