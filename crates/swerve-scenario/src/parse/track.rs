@@ -96,7 +96,7 @@ mod tests {
              start = {{ lane = \"1\", s_m = 10.0 }}\ngoal = {{ lane = \"1\", s_m = 90.0 }}\n\
              [[actor]]\nname = \"car\"\nkind = \"car\"\ntrack = {{ {track} }}\n"
         );
-        let map = Arc::from(MAP);
+        let map = MapText::from(MAP);
         Scenario::parse_on("x.toml", &text, Some(&map), sets).map_err(|problems| problems.to_string())
     }
 
