@@ -1,7 +1,6 @@
 //! Scenarios of CommonRoad: read in place of a scenario file, and the solution of a drive.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::anyhow;
 use swerve_commonroad::{Ego, Failure, Model, Recorder, Scenario, check, xml_of_protobuf};

@@ -1,7 +1,6 @@
 //! Log of a run: its contents, and the reaction to a write failure.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer, StopHandle};

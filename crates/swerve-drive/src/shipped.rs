@@ -7,7 +7,6 @@
 use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
 
 use swerve_scenario::{MapText, Scenario, is_scenario_key};
 use swerve_stack::Registry;

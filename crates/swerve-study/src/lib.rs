@@ -36,7 +36,7 @@ pub mod tables;
 pub mod timely;
 mod timely_prediction;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

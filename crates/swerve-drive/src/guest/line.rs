@@ -2,7 +2,6 @@
 
 use core::fmt::Write as _;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context as _, bail, ensure};
 use swerve_geom::{Point2, Vector2, angle_between, math};

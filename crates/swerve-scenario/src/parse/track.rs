@@ -76,9 +76,7 @@ fn headings(track: &TableReader<'_>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
-    use crate::Scenario;
+    use crate::{MapText, Scenario};
 
     /// A straight lane of 100 m along x.
     const MAP: &str = "<commonRoad commonRoadVersion=\"2020a\"><lanelet id=\"1\">\

@@ -40,10 +40,8 @@ pub(super) fn read(top: &TableReader<'_>) -> Option<SumoWorld> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::Scenario;
+    use crate::{MapText, Scenario};
 
     fn parse(world: &str) -> Result<Scenario, String> {
         let map = include_str!("../../../swerve-map-io/maps/junction.net.xml");
