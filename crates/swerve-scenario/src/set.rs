@@ -84,8 +84,7 @@ fn is_of_map(key: &str) -> bool {
 
 /// A document without problems, with single keys changed.
 fn changed(document: Document, map: Option<&MapText>, sets: &[Set]) -> Result<Scenario, Problems> {
-    let file = document.file.clone();
-    let mut table = document.table;
+    let Document { file, mut table, .. } = document;
     let mut places = Vec::new();
     for (key, value) in sets {
         let place = put(&mut table, key, value).map_err(|message| of_set(key, message))?;

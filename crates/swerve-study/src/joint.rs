@@ -141,15 +141,13 @@ impl Scenarios {
         if sets.is_empty() {
             return Some(Ok(Arc::clone(scenario)));
         }
-        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((known, variant)) = &*last
-            && known == sets
-        {
+        let last = || last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, variant)) = last().as_ref().filter(|(known, _)| known == sets) {
             return Some(Ok(Arc::clone(variant)));
         }
         let variant = scenario.changed(&file.display().to_string(), sets).map(Arc::new);
         if let Ok(variant) = &variant {
-            *last = Some((sets.to_vec(), Arc::clone(variant)));
+            *last() = Some((sets.to_vec(), Arc::clone(variant)));
         }
         Some(variant)
     }
