@@ -1,8 +1,6 @@
 #![no_main]
 //! Scenarios of CommonRoad in XML and in the protobuf format, made to scenarios of Swerve; texts of solutions, checked.
 
-use std::sync::Arc;
-
 use swerve_commonroad::{Scenario, Solution, check, xml_of_protobuf};
 
 /// A scenario to check solutions by.
@@ -22,7 +20,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     match Scenario::read("fuzz.xml", &text) {
         Ok(scenario) => {
             if let Ok(toml) = scenario.to_toml("fuzz.xml") {
-                let map = Arc::from(text.as_str());
+                let map = text.as_str().into();
                 let _either_way = swerve_scenario::Scenario::parse_on("fuzz.toml", &toml, Some(&map), &[]);
             }
         }

@@ -1,7 +1,6 @@
 //! Scenarios of CommonRoad: read in place of a scenario file, and the solution of a drive.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::anyhow;
 use swerve_commonroad::{Ego, Failure, Model, Recorder, Scenario, check, xml_of_protobuf};
@@ -10,6 +9,7 @@ use swerve_eval::Impact;
 use swerve_flow::{Event, Observer};
 use swerve_geom::Vector2;
 use swerve_msg::truth::WorldState;
+use swerve_scenario::MapText;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, Problem, read_bytes, unpacked};
 use swerve_vehicle::VehicleParams;
@@ -93,8 +93,12 @@ fn text(path: &Path) -> Result<String, String> {
 
 /// Reads a scenario.
 fn read(path: &Path) -> Result<Scenario, String> {
-    let file = path.display().to_string();
-    Scenario::read(&file, &text(path)?).map_err(|problems| problems.first(SHOWN))
+    read_in(path, &text(path)?)
+}
+
+/// Reads a scenario from the text of its file.
+fn read_in(path: &Path, text: &str) -> Result<Scenario, String> {
+    Scenario::read(&path.display().to_string(), text).map_err(|problems| problems.first(SHOWN))
 }
 
 /// The scenario as a document of Swerve.
@@ -102,18 +106,19 @@ fn read(path: &Path) -> Result<Scenario, String> {
 /// # Errors
 /// All faults of the file, or the reason for which it cannot be driven.
 pub fn document(path: &Path) -> Result<Document, Problem> {
+    scenario(path).map(|(document, _)| document)
+}
+
+/// The scenario as a document of Swerve, and the text of its map, which is its own.
+pub(crate) fn scenario(path: &Path) -> Result<(Document, MapText), Problem> {
     let name = path.display().to_string();
     let wrong = |message: String| Problem { file: name.clone(), line: None, key: String::new(), message };
     // The problem has the name of the file already.
-    let scenario = read(path).map_err(|message| wrong(message.replace(&format!("{name}:"), "line ")))?;
+    let read = text(path).and_then(|text| Ok((read_in(path, &text)?, text)));
+    let (scenario, map) = read.map_err(|message| wrong(message.replace(&format!("{name}:"), "line ")))?;
     let file = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let text = scenario.to_toml(&file).map_err(|error| wrong(error.to_string()))?;
-    Document::parse(&name, text)
-}
-
-/// Text of the map of a scenario, which is its own; `None` for other files.
-pub(crate) fn map_of(path: &Path) -> Option<Arc<str>> {
-    if is_scenario(path) { text(path).ok().map(Arc::from) } else { None }
+    Ok((Document::parse(&name, text)?, map.into()))
 }
 
 /// Observer that records the solution of a drive.

@@ -57,9 +57,9 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
 
 /// Same as [`read_scenario`], with single keys changed.
 fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
-    let document = Kind::scenario(path)?;
-    let map = Kind::map_of(path, &document);
-    let of_sumo = crate::sumo::left_out(&document).map_err(|problem| problems_error(&[problem]))?;
+    let (document, map) = Kind::scenario(path)?;
+    let of_sumo = crate::sumo::left_out(&document, map.as_ref().filter(|_| crate::sumo::is_config(path)))
+        .map_err(|problem| problems_error(&[problem]))?;
     let sets = [&of_sumo, sets].concat();
     let scenario = Scenario::parse_on(&document.file, &document.text, map.as_ref(), &sets)
         .map_err(|problems| problems_error(&problems))?;

@@ -15,7 +15,7 @@ use swerve_ipc::{
     work,
 };
 use swerve_msg::{GoneProcess, Supervision};
-use swerve_scenario::Scenario;
+use swerve_scenario::{MapText, Scenario};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::Config;
@@ -273,7 +273,7 @@ pub fn run_worker_with(
     let document = Document::parse("configuration of the run", texts.config)?;
     let config =
         Setup::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
-    let map = texts.map.map(Arc::from);
+    let map = texts.map.map(MapText::from);
     let scenario = Scenario::parse_on("scenario of the run", &texts.scenario, map.as_ref(), &[])
         .map_err(|problems| problems_error(&problems))?;
     // Cameras and lidars are not stepped here.

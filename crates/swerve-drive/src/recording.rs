@@ -1,7 +1,6 @@
 //! Log of a run: its contents, and the reaction to a write failure.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer, StopHandle};
@@ -10,7 +9,7 @@ use swerve_log::{LeavesOut, LogError, Recorder, RunStart, Views};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
 use swerve_osi::GroundTruthViews;
-use swerve_scenario::Scenario;
+use swerve_scenario::{MapText, Scenario};
 use swerve_stack::Setup;
 use swerve_stack::config::Images;
 use swerve_stack::config::clock::Clock;
@@ -100,7 +99,7 @@ pub fn set_up(recorder: &mut Recorder, config: &Setup, pipeline: &Pipeline) {
 /// If the log has none, or one that this version does not read.
 pub fn logged_scenario(start: &RunStart) -> anyhow::Result<Scenario> {
     let text = start.extra.get("scenario").context("the log holds no scenario")?;
-    let map = start.extra.get("map").map(|text| Arc::from(text.as_str()));
+    let map = start.extra.get("map").map(|text| MapText::from(text.as_str()));
     let scenario = Scenario::parse_on("scenario of the log", text, map.as_ref(), &[]);
     scenario.map_err(|problems| problems_error(&problems))
 }

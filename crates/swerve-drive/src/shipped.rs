@@ -7,9 +7,8 @@
 use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
 
-use swerve_scenario::{Scenario, is_scenario_key};
+use swerve_scenario::{MapText, Scenario, is_scenario_key};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::Config;
@@ -241,7 +240,7 @@ impl Shipped {
 }
 
 /// Text of the built-in map that a scenario names, from its own folder or from that of the maps.
-fn built_in_map(place: &Path, scenario: &Document) -> Option<Arc<str>> {
+fn built_in_map(place: &Path, scenario: &Document) -> Option<MapText> {
     let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
     let folders = [place.parent().unwrap_or(Path::new("")), Path::new(MAPS)];
     let text = |folder: &Path| {
@@ -402,35 +401,36 @@ impl Kind {
         Document::parse(&given.display().to_string(), text)
     }
 
-    /// Parses a scenario file as TOML, or makes a scenario of one of CommonRoad or of a configuration of SUMO.
+    /// Parses a scenario file as TOML, or makes a scenario of one of CommonRoad or of a configuration of SUMO. Also returns
+    /// the text of its map, if that is not beside the scenario's file.
     ///
     /// # Errors
     /// Same as [`document`](Self::document), or if it is a configuration.
-    pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
+    pub(crate) fn scenario(given: &Path) -> Result<(Document, Option<MapText>), Problem> {
         if let Some(message) = commonroad::refusal(given) {
             let file = given.display().to_string();
             return Err(Problem { file, line: None, key: String::new(), message });
         }
         if commonroad::is_scenario(given) {
-            return commonroad::document(given);
+            return commonroad::scenario(given).map(|(document, map)| (document, Some(map)));
         }
         if sumo::is_config(given) {
-            return sumo::document(given);
+            return sumo::scenario(given).map(|(document, map)| (document, Some(map)));
         }
         let document = Self::Scenario.document(given)?;
         let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
         let of_config = swerve_text::keys::<Config>("").unwrap_or_default();
         match !has(&is_scenario_key) && has(&|key| of_config.contains(&key)) {
             true => Err(document.problem("", Self::Config.in_place_of(Self::Scenario))),
-            false => Ok(document),
+            false => {
+                let map = Self::map_of(given, &document);
+                Ok((document, map))
+            }
         }
     }
 
     /// Text of the map file that a scenario names, if the program has it and there is none beside the scenario's file.
-    pub(crate) fn map_of(given: &Path, scenario: &Document) -> Option<Arc<str>> {
-        if let Some(text) = commonroad::map_of(given).or_else(|| sumo::map_of(given)) {
-            return Some(text);
-        }
+    fn map_of(given: &Path, scenario: &Document) -> Option<MapText> {
         let name = Path::new(scenario.table.get("map")?.get("file")?.as_str()?);
         if given.parent().unwrap_or(Path::new("")).join(name).exists() {
             return None;

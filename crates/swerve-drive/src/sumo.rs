@@ -6,6 +6,7 @@ use std::sync::Arc;
 use swerve_map::router::{Stop, find_over};
 use swerve_map_io::MapFile;
 use swerve_map_io::sumo::{read, read_near};
+use swerve_scenario::MapText;
 use swerve_sumo::{SumoConfig, SumoError, car_lanes, text_of, ways};
 use swerve_text::{Document, Problem};
 use toml::{Table, Value};
@@ -51,40 +52,41 @@ fn config(path: &Path) -> Result<SumoConfig, Problem> {
 /// # Errors
 /// Faults of the files, or if there is no such way.
 pub fn document(path: &Path) -> Result<Document, Problem> {
+    scenario(path).map(|(document, _)| document)
+}
+
+/// As [`document`], with the text of the net.
+pub(crate) fn scenario(path: &Path) -> Result<(Document, MapText), Problem> {
     let config = config(path)?;
     let wrong = |error: String| problem(path, error);
     let net = config.net.display().to_string();
-    let text = text_of(&config.net).map_err(|error| wrong(error.to_string()))?;
-    let map = MapFile::read(&net, &text).map_err(wrong)?;
+    let text = MapText::from(text_of(&config.net).map_err(|error| wrong(error.to_string()))?);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = config.net.strip_prefix(folder).unwrap_or(&config.net).display().to_string();
+    // Problems are those of the whole path.
+    let map = text.file(&named).or_else(|_| MapFile::read(&net, &text).map(Arc::new)).map_err(wrong)?;
     let way = Ways::of(&config, &net, &text, &map).and_then(|ways| ways.best());
     let way = way.map_err(|error| wrong(error.to_string()))?;
     let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let name: String = name.chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' }).collect();
     let file = path.file_name().map_or_else(String::new, |file| file.to_string_lossy().into_owned());
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let net = config.net.strip_prefix(folder).unwrap_or(&config.net).display().to_string();
     let place = |(name, s_m): &(String, f64)| format!("{{ lane = {name:?}, s_m = {s_m:?} }}");
-    let text = format!(
-        "name = {name:?}\ndescription = \"Among the traffic of a simulation of SUMO\"\n\n[map]\nfile = {net:?}\n\n\
+    let document = format!(
+        "name = {name:?}\ndescription = \"Among the traffic of a simulation of SUMO\"\n\n[map]\nfile = {named:?}\n\n\
          [world]\nsumo = {file:?}\n\n[ego]\nstart = {}\ngoal = {}\nstart_speed_mps = 0.0\n\n[end]\ntimeout_s = {:?}\n",
         place(&way.ends[0]),
         place(&way.ends[1]),
         (way.length_m / SLOWEST_MPS + WAITING_S).ceil(),
     );
-    Document::parse(&path.display().to_string(), text)
+    Ok((Document::parse(&path.display().to_string(), document)?, text))
 }
 
-/// Text of the net of a configuration; `None` for other files.
-pub(crate) fn map_of(path: &Path) -> Option<Arc<str>> {
-    let config = is_config(path).then(|| config(path).ok())??;
-    text_of(&config.net).ok().map(Arc::from)
-}
-
-/// Keys of `[world]` that a scenario leaves to its configuration of SUMO, with their values.
+/// Keys of `[world]` that a scenario leaves to its configuration of SUMO, with their values; `net` is the net if the scenario
+/// was made of the configuration.
 ///
 /// # Errors
 /// If the configuration or its net cannot be read.
-pub(crate) fn left_out(document: &Document) -> Result<Vec<(String, Value)>, Problem> {
+pub(crate) fn left_out(document: &Document, net: Option<&MapText>) -> Result<Vec<(String, Value)>, Problem> {
     let Some(world) = document.table.get("world").and_then(Value::as_table) else { return Ok(Vec::new()) };
     let text = |table: Option<&Table>, key: &str| Some(table?.get(key)?.as_str()?.to_owned());
     // Other values are refused by the reader of scenarios.
@@ -94,14 +96,17 @@ pub(crate) fn left_out(document: &Document) -> Result<Vec<(String, Value)>, Prob
     let config = config(&path).map_err(|problem| wrong(problem.to_string()))?;
     let mut values = vec![("begin_s", config.begin_s)];
     values.extend(config.step_s.map(|step_s| ("step_s", step_s)));
-    let is_net = text(document.table.get("map").and_then(Value::as_table), "file").is_some_and(|file| {
-        let file = file.to_lowercase();
-        file.ends_with(".net.xml") || file.ends_with(".net.xml.gz")
-    });
-    let read = if is_net { read_near } else { read };
-    let net = config.net.display().to_string();
-    let text = text_of(&config.net).map_err(|error| wrong(error.to_string()))?;
-    let [x_m, y_m] = read(&net, &text).map_err(|problems| wrong(problems.to_string()))?.net_offset_m;
+    let map = text(document.table.get("map").and_then(Value::as_table), "file").unwrap_or_default();
+    let known = net.and_then(|net| net.file(&map).ok()?.net_offset_m);
+    let offset = |map: &str| -> Result<[f64; 2], String> {
+        let map = map.to_lowercase();
+        let is_net = map.ends_with(".net.xml") || map.ends_with(".net.xml.gz");
+        let read = if is_net { read_near } else { read };
+        let text = text_of(&config.net).map_err(|error| error.to_string())?;
+        let net = read(&config.net.display().to_string(), &text);
+        Ok(net.map_err(|problems| problems.to_string())?.net_offset_m)
+    };
+    let [x_m, y_m] = known.map_or_else(|| offset(&map), Ok).map_err(wrong)?;
     values.extend([("offset_x_m", x_m), ("offset_y_m", y_m)]);
     let missing = values.into_iter().filter(|(key, _)| !world.contains_key(*key));
     Ok(missing.map(|(key, value)| (format!("world.{key}"), value.into())).collect())

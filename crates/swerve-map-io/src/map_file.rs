@@ -23,6 +23,8 @@ pub struct MapFile {
     pub map: Arc<Map>,
     /// True where traffic keeps to the left, if only on some roads.
     pub left_hand: bool,
+    /// Of a network of SUMO, the offset of its coordinates: a place of the map is a place of the file less this, metres.
+    pub net_offset_m: Option<[f64; 2]>,
     names: Names,
 }
 
@@ -42,15 +44,19 @@ impl MapFile {
     /// # Errors
     /// A message of one or more lines: an unknown format, or all faults of the file.
     pub fn read(file: &str, text: &str) -> Result<Self, String> {
+        let mut net_offset_m = None;
         let lanes = match Format::of(file, text).map_err(|message| format!("{file}: {message}"))? {
             Format::OpenDrive => return Self::of_network(file, text),
             Format::CommonRoad => commonroad::read(file, text, Centers::Rounded).map(|read| read.lanes),
             Format::Lanelet2 => lanelet2::read(file, text).map(|read| read.lanes),
-            Format::Sumo => sumo::read_near(file, text).map(|read| read.lanes),
+            Format::Sumo => sumo::read_near(file, text).map(|read| {
+                net_offset_m = Some(read.net_offset_m);
+                read.lanes
+            }),
         };
         let LaneMap { left_hand, map, names, profiles, .. } =
             lanes.map_err(|problems| problems.to_string())?;
-        Ok(Self { map: Arc::new(map), left_hand, names: Names::Lanes(names, profiles) })
+        Ok(Self { map: Arc::new(map), left_hand, net_offset_m, names: Names::Lanes(names, profiles) })
     }
 
     fn of_network(file: &str, text: &str) -> Result<Self, String> {
@@ -58,7 +64,7 @@ impl MapFile {
         let imported = import(&network, &Links::of(&network)).map_err(|error| format!("{file}: {error}"))?;
         let left_hand = network.roads.iter().any(|road| road.left_hand);
         let names = Names::Roads(Box::new(network), imported.lanes);
-        Ok(Self { map: Arc::new(imported.map), left_hand, names })
+        Ok(Self { map: Arc::new(imported.map), left_hand, net_offset_m: None, names })
     }
 
     /// True if its lanes are named by road, lane and arc length along the road (OpenDRIVE); else they have a name each.

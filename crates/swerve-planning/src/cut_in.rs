@@ -19,9 +19,14 @@ const BEHIND_M: f64 = 60.0;
 const BESIDE_M: f64 = 8.0;
 /// Largest angle to the road of a motion along it, radians.
 const ALONG_RAD: f64 = 0.1;
+/// Every n-th pose of a prediction is compared with the ego's path, and the distance up to which it is searched along the
+/// route, metres.
+const EVERY: usize = 4;
+const SEARCH_M: f64 = 20.0;
 
 /// Predictions in which vehicles that drive in the ego's direction beside it, and not ahead, are longer to the front by
-/// the gap that they need if it changes into their lane. It is smaller the faster the ego is.
+/// the gap that they need if it changes into their lane. It is smaller the faster the ego is. Vehicles that are predicted to
+/// come into the ego's path from there keep their distance themselves: they stay as long as they are.
 pub(crate) fn with_gaps<'a>(
     predictions: Cow<'a, [Prediction]>,
     (route, place, shape): (&Route, FrenetPoint, &Shape),
@@ -64,7 +69,14 @@ fn gap_m(
         return None;
     }
     let gap_m = GAP_M + GAP_S * speed_mps + CLOSES_S * (speed_mps - ego_mps);
-    (gap_m > 0.0).then_some(gap_m.min(GAP_MAX_M))
+    let comes_over = || {
+        one.path.iter().step_by(EVERY).any(|pose| {
+            let s_m = at.s_m + speed_mps * (pose.at - first.at).as_secs();
+            let then = route.project_near(pose.pose.point(), s_m, SEARCH_M);
+            (then.d_m - place.d_m).abs() < 0.5 * (shape.width_m + one.extent.width_m)
+        })
+    };
+    (gap_m > 0.0 && !comes_over()).then_some(gap_m.min(GAP_MAX_M))
 }
 
 /// A road user that is longer to the front.
@@ -86,8 +98,8 @@ mod tests {
     use crate::testing::World;
 
     /// Front of a car before and after the change, relative to the ego; places and speeds are along the road.
-    fn fronts_m(ego_mps: f64, (x_m, y_m): (f64, f64), speed_mps: f64) -> [f64; 2] {
-        let world = World::straight(ego_mps).with(ActorKind::Car, (4.0, 1.8), (x_m, y_m), (speed_mps, 0.0));
+    fn fronts_m(ego_mps: f64, (x_m, y_m): (f64, f64), velocity_mps: (f64, f64)) -> [f64; 2] {
+        let world = World::straight(ego_mps).with(ActorKind::Car, (4.0, 1.8), (x_m, y_m), velocity_mps);
         let request = world.request();
         let ego = (request.route, request.place(), request.shape);
         let front_m = |all: &[Prediction]| all[0].path[0].pose.x_m + 0.5 * all[0].extent.length_m;
@@ -113,8 +125,17 @@ mod tests {
             (1.0, (-6.0, 3.5), 2.0, 0.0),
             (20.0, (-6.0, 3.5), -20.0, 0.0),
         ] {
-            let [before_m, after_m] = fronts_m(ego_mps, place, speed_mps);
+            let [before_m, after_m] = fronts_m(ego_mps, place, (speed_mps, 0.0));
             assert!((after_m - before_m - longer_m).abs() < 1e-9, "{place:?} {speed_mps}: {after_m}");
+        }
+    }
+
+    #[test]
+    fn vehicle_that_comes_into_the_path_of_the_ego_from_behind_keeps_its_distance_itself() {
+        // Sideways, it moves 0.6 m, 3 m or -3 m in 5 s.
+        for (across_mps, is_longer) in [(-0.12, true), (-0.6, false), (0.6, true)] {
+            let [before_m, after_m] = fronts_m(20.0, (-6.0, 3.5), (20.0, across_mps));
+            assert_eq!(after_m > before_m + 1.0, is_longer, "{across_mps}");
         }
     }
 }

@@ -54,15 +54,15 @@ pub(crate) fn stop(
             continue;
         }
         let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
-        if !usable(&poses) {
-            continue;
+        // `usable` takes longer than the check of obstacles, so only plans that are free are asked for it.
+        match free(&poses, gaps_m[0].max(clearance_m)) {
+            true if usable(&poses) => return Some(plan),
+            true => {}
+            false => too_near.push((plan, poses)),
         }
-        if free(&poses, gaps_m[0].max(clearance_m)) {
-            return Some(plan);
-        }
-        too_near.push((plan, poses));
     }
-    let keeps = |gap_m: f64| move |(_, poses): &(Plan, Vec<(Pose2, Time)>)| free(poses, gap_m);
+    let keeps =
+        |gap_m: f64| move |(_, poses): &(Plan, Vec<(Pose2, Time)>)| free(poses, gap_m) && usable(poses);
     let next = too_near.iter().position(keeps(gaps_m[1].max(clearance_m)));
     let last = || match hardest {
         true => too_near.iter().rposition(keeps(clearance_m)),

@@ -158,6 +158,7 @@ mod check;
 mod draw;
 mod expect;
 mod lines;
+mod map_text;
 mod model;
 mod parse;
 mod road;
@@ -169,6 +170,7 @@ mod vary;
 pub use draw::sensor_phase;
 pub use expect::{Bound, Expectation, Metric};
 pub use lines::RoadLines;
+pub use map_text::MapText;
 pub use model::{
     Actor, Along, Direction, Draws, EgoStart, End, Motion, OtherEgo, RoadPlace, Scenario, SpeedPoint,
     Standstill, Subject, Track, Traffic, Trigger,

@@ -19,8 +19,8 @@ pub(crate) use self::actor::usual_mass_kg;
 use self::egos::EgoTable;
 use crate::model::on_road;
 use crate::{
-    Actor, Course, Draws, EgoStart, End, OtherEgo, Road, Scenario, Segment, SignalProgram, Standstill, Strip,
-    Traffic, TrafficLight, check,
+    Actor, Course, Draws, EgoStart, End, MapText, OtherEgo, Road, Scenario, Segment, SignalProgram,
+    Standstill, Strip, Traffic, TrafficLight, check,
 };
 
 /// Positions along and across the road, metres.
@@ -65,7 +65,7 @@ impl Scenario {
 }
 
 /// Reads and checks a whole document, given the text of its map, or else with the one in the folder of its file.
-pub(crate) fn scenario(document: &Document, map: Option<&Arc<str>>) -> Result<Scenario, Problems> {
+pub(crate) fn scenario(document: &Document, map: Option<&MapText>) -> Result<Scenario, Problems> {
     let reading = Reading::of(document);
     let scenario = Scenario { text: document.text.clone(), ..read(&reading.top(&document.table), map) };
     reading.into_problems().or(scenario)
@@ -86,7 +86,7 @@ fn is_description(text: &str) -> bool {
     !text.trim().is_empty() && !text.contains(|c: char| c.is_control() && !"\n\r\t".contains(c))
 }
 
-fn read(top: &TableReader<'_>, map: Option<&Arc<str>>) -> Scenario {
+fn read(top: &TableReader<'_>, map: Option<&MapText>) -> Scenario {
     let name = if top.has("name") {
         top.text_like("name", NAME, is_name).unwrap_or_default()
     } else {
@@ -215,7 +215,7 @@ enum Ground {
 
 impl Ground {
     /// Reads road or map; programs of lights in a map start at `starts_s`.
-    fn read(top: &TableReader<'_>, text: Option<&Arc<str>>, starts_s: f64) -> Self {
+    fn read(top: &TableReader<'_>, text: Option<&MapText>, starts_s: f64) -> Self {
         if !top.has("map") {
             return Self::Road(road(top));
         }

@@ -7,7 +7,7 @@ use swerve_map::{
 };
 use swerve_msg::{Route, Side, Signal};
 
-use crate::RoadLines;
+use crate::{MapText, RoadLines};
 
 mod course;
 
@@ -143,7 +143,7 @@ impl Road {
     }
 
     /// Text of the map file; `None` without one.
-    pub fn map_text(&self) -> Option<&Arc<str>> {
+    pub fn map_text(&self) -> Option<&MapText> {
         match &self.course {
             Course::Strip(_) => None,
             Course::Map(course) => Some(&course.text),

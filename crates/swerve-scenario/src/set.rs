@@ -1,11 +1,9 @@
 //! Assignments to single keys of a scenario: `--set actor.person.speed_mps=4`, or an axis of a study.
 
-use std::sync::Arc;
-
 use swerve_text::{Document, Problem, Problems, did_you_mean, list, nearest};
 use toml::{Table, Value};
 
-use crate::Scenario;
+use crate::{MapText, Scenario};
 
 /// Arrays of tables with names, of which a key also sets the only nested key of its name.
 const NAMED: [&str; 2] = ["actor", "slippery"];
@@ -58,34 +56,55 @@ impl Scenario {
     ///
     /// # Errors
     /// As there.
-    pub fn parse_on(file: &str, text: &str, map: Option<&Arc<str>>, sets: &[Set]) -> Result<Self, Problems> {
+    pub fn parse_on(file: &str, text: &str, map: Option<&MapText>, sets: &[Set]) -> Result<Self, Problems> {
         let document = Document::parse(file, text)?;
         let plain = crate::parse::scenario(&document, map)?;
         if sets.is_empty() {
             return Ok(plain);
         }
-        let mut table = document.table;
-        let mut places = Vec::new();
-        for (key, value) in sets {
-            let place = put(&mut table, key, value).map_err(|message| of_set(key, message))?;
-            places.push((place, key.as_str()));
-        }
-        let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
-        crate::parse::scenario(&Document::parse(file, text)?, map).map_err(|problems| {
-            let told = problems.iter().map(|problem| {
-                let is_of = |(place, _): &&(String, &str)| {
-                    problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
-                };
-                let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
-                let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
-                let near =
-                    problems.known_beside(&problem.key).and_then(|known| near_in_named(&table, key, known));
-                let nearer = near.map(|near| format!("unknown key; did you mean `{near}`?"));
-                of_set(key, nearer.unwrap_or_else(|| problem.message.clone()))
-            });
-            told.collect::<Problems>()
-        })
+        let is_same = !sets.iter().any(|(key, _)| is_of_map(key));
+        let map = map.or_else(|| plain.road.map_text().filter(|_| is_same));
+        changed(document, map, sets)
     }
+
+    /// As [`parse_on`](Self::parse_on) of the text of this scenario on its map, which are not checked again; `file` is the
+    /// name of its file.
+    ///
+    /// # Errors
+    /// Those of the assigned keys.
+    pub fn changed(&self, file: &str, sets: &[Set]) -> Result<Self, Problems> {
+        changed(Document::parse(file, &*self.text)?, self.road.map_text(), sets)
+    }
+}
+
+/// True if a key may name another map.
+fn is_of_map(key: &str) -> bool {
+    key.strip_prefix("scenario.").unwrap_or(key).starts_with("map")
+}
+
+/// A document without problems, with single keys changed.
+fn changed(document: Document, map: Option<&MapText>, sets: &[Set]) -> Result<Scenario, Problems> {
+    let Document { file, mut table, .. } = document;
+    let mut places = Vec::new();
+    for (key, value) in sets {
+        let place = put(&mut table, key, value).map_err(|message| of_set(key, message))?;
+        places.push((place, key.as_str()));
+    }
+    let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
+    crate::parse::scenario(&Document::parse(&file, text)?, map).map_err(|problems| {
+        let told = problems.iter().map(|problem| {
+            let is_of = |(place, _): &&(String, &str)| {
+                problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
+            };
+            let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
+            let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
+            let near =
+                problems.known_beside(&problem.key).and_then(|known| near_in_named(&table, key, known));
+            let nearer = near.map(|near| format!("unknown key; did you mean `{near}`?"));
+            of_set(key, nearer.unwrap_or_else(|| problem.message.clone()))
+        });
+        told.collect::<Problems>()
+    })
 }
 
 /// Nearest to an unknown key of an actor or patch: of the known keys, present or not, and all keys within it, nested ones

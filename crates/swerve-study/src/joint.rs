@@ -4,9 +4,9 @@
 //! resource's name on the resources. Independent axes are checked one after the other; only dependent ones are checked
 //! in all combinations.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use swerve_report::progress::Progress;
 use swerve_scenario::{Scenario, is_scenario_key, split_sets};
@@ -36,7 +36,7 @@ const JOINT: [&[&str]; 5] = [
 pub(super) fn problems(
     study: &Study,
     bases: &BTreeMap<Vec<PathBuf>, Document>,
-    scenarios: &BTreeMap<PathBuf, Scenario>,
+    scenarios: &Scenarios,
     registry: &Registry,
 ) -> Problems {
     // Problems of the files themselves are reported with their lines; the rest are problems of the cells' values.
@@ -73,7 +73,7 @@ pub(super) fn problems(
 struct Found<'a> {
     study: &'a Study,
     bases: &'a BTreeMap<Vec<PathBuf>, Document>,
-    scenarios: &'a BTreeMap<PathBuf, Scenario>,
+    scenarios: &'a Scenarios,
     first: BTreeMap<Problem, usize>,
 }
 
@@ -103,8 +103,8 @@ impl Found<'_> {
         let mut named =
             chosen.iter().filter_map(|&(axis, step)| self.study.steps[axis][step].scenario.as_deref());
         let file = named.next_back().unwrap_or(&self.study.scenario);
-        if let Some(scenario) = self.scenarios.get(file) {
-            problems.extend(changed(file, scenario, &of_scenario).err().into_iter().flatten());
+        if let Some(scenario) = self.scenarios.changed(file, &of_scenario) {
+            problems.extend(scenario.err().into_iter().flatten());
         }
         if problems.is_empty() {
             return true;
@@ -118,17 +118,39 @@ impl Found<'_> {
     }
 }
 
-/// Scenario with the assignments applied.
-pub(super) fn changed<'a>(
-    file: &Path,
-    scenario: &'a Scenario,
-    sets: &[(String, toml::Value)],
-) -> Result<Cow<'a, Scenario>, Problems> {
-    if sets.is_empty() {
-        return Ok(Cow::Borrowed(scenario));
+/// Scenarios of a study by file, with the last variant of each: most cells have the same assignments.
+#[derive(Default)]
+pub(super) struct Scenarios(BTreeMap<PathBuf, (Arc<Scenario>, Mutex<Option<Variant>>)>);
+
+/// Assignments, and the scenario with these.
+type Variant = (Vec<(String, toml::Value)>, Arc<Scenario>);
+
+impl Scenarios {
+    /// Adds the scenario of a file.
+    pub(super) fn insert(&mut self, file: &Path, scenario: Scenario) {
+        self.0.insert(file.to_owned(), (Arc::new(scenario), Mutex::default()));
     }
-    let map = scenario.road.map_text();
-    Scenario::parse_on(&file.display().to_string(), &scenario.text, map, sets).map(Cow::Owned)
+
+    /// The scenario of a file with the assignments applied; `None` for other files.
+    pub(super) fn changed(
+        &self,
+        file: &Path,
+        sets: &[(String, toml::Value)],
+    ) -> Option<Result<Arc<Scenario>, Problems>> {
+        let (scenario, last) = self.0.get(file)?;
+        if sets.is_empty() {
+            return Some(Ok(Arc::clone(scenario)));
+        }
+        let last = || last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, variant)) = last().as_ref().filter(|(known, _)| known == sets) {
+            return Some(Ok(Arc::clone(variant)));
+        }
+        let variant = scenario.changed(&file.display().to_string(), sets).map(Arc::new);
+        if let Ok(variant) = &variant {
+            *last() = Some((sets.to_vec(), Arc::clone(variant)));
+        }
+        Some(variant)
+    }
 }
 
 /// Groups of axes that depend on each other.
@@ -273,7 +295,7 @@ mod tests {
     #[test]
     fn joint_checks_find_as_much_as_checking_every_cell() {
         let (study, bases) = study();
-        let by_class = problems(&study, &bases, &BTreeMap::new(), &Registry::standard());
+        let by_class = problems(&study, &bases, &Scenarios::default(), &Registry::standard());
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
@@ -318,7 +340,7 @@ mod tests {
     #[test]
     fn first_cell_with_a_problem_is_named() {
         let (study, bases) = study();
-        let said: Vec<String> = problems(&study, &bases, &BTreeMap::new(), &Registry::standard())
+        let said: Vec<String> = problems(&study, &bases, &Scenarios::default(), &Registry::standard())
             .iter()
             .map(Problem::to_string)
             .collect();

@@ -36,8 +36,7 @@ pub mod tables;
 pub mod timely;
 mod timely_prediction;
 
-use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -195,7 +194,7 @@ pub struct Bench {
     /// Study.
     pub study: Study,
     /// Scenarios by file.
-    scenarios: BTreeMap<PathBuf, Scenario>,
+    scenarios: joint::Scenarios,
     bases: Bases,
     consent: StudyConsent,
     registry: Registry,
@@ -235,7 +234,7 @@ impl Bench {
     }
 
     fn unexpanded(registry: &Registry, study: Study) -> anyhow::Result<Self> {
-        let mut scenarios = BTreeMap::new();
+        let mut scenarios = joint::Scenarios::default();
         let mut unread = Vec::new();
         for path in study.scenarios() {
             if let Err(problem) = Kind::Scenario.text(path) {
@@ -243,7 +242,7 @@ impl Bench {
                 continue;
             }
             match swerve_drive::read_scenario(path) {
-                Ok(scenario) => drop(scenarios.insert(path.to_owned(), scenario)),
+                Ok(scenario) => scenarios.insert(path, scenario),
                 Err(error) => unread.push(error.to_string()),
             }
         }
@@ -263,10 +262,11 @@ impl Bench {
     }
 
     /// Scenario of a cell.
-    fn scenario(&self, cell: &Cell) -> anyhow::Result<Cow<'_, Scenario>> {
+    fn scenario(&self, cell: &Cell) -> anyhow::Result<Arc<Scenario>> {
         let file = self.study.scenario(cell);
         let (sets, _) = split_sets(&cell.sets);
-        joint::changed(file, &self.scenarios[file], &sets).map_err(|problems| in_cell(cell, &problems))
+        let scenario = self.scenarios.changed(file, &sets).context("the scenario is not read")?;
+        scenario.map_err(|problems| in_cell(cell, &problems))
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Setup> {

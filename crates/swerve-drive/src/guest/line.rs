@@ -2,11 +2,10 @@
 
 use core::fmt::Write as _;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context as _, bail, ensure};
 use swerve_geom::{Point2, Vector2, angle_between, math};
-use swerve_scenario::Scenario;
+use swerve_scenario::{MapText, Scenario};
 
 use crate::load::problems_error;
 
@@ -50,7 +49,7 @@ impl Line {
             "route: {lanes} lanes of {} m: expected 1 to {LANES_MAX} lanes of 1 to 20 m",
             self.lane_width_m
         );
-        let map: Arc<str> = self.map(&curve, length_m).into();
+        let map: MapText = self.map(&curve, length_m).into();
         let lane = -1 - i64::try_from(self.lanes_left)?;
         let text = format!(
             "name = \"route\"\n\n[map]\nfile = \"route.xodr\"\n\n[ego]\n\

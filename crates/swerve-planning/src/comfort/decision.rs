@@ -407,11 +407,11 @@ impl Comfort {
         let most_mps2 = request.limits.lateral_accel_max_mps2.max(SWERVE_SHARE * first_mps2);
         let poses: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();
         let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
-        let holds =
-            points.iter().all(|p| lateral_mps2(p) <= most_mps2 && p.curvature_1pm.abs() <= tightest_1pm)
+        let holds = points.iter().all(|p| lateral_mps2(p) <= most_mps2 && p.curvature_1pm.abs() <= tightest_1pm)
                 && points.windows(2).all(|two| bends_at_most([&two[0], &two[1]], most_mps2))
-                && self.gentle.keeps_road(request, &poses)
-                && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
+                // The road takes several times as long to check as the obstacles.
+                && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m)
+                && self.gentle.keeps_road(request, &poses);
         holds.then_some(Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 })
     }
 }

@@ -317,7 +317,7 @@ fn every_number_of_a_scenario_has_a_minimum_and_a_maximum() {
     let numbers: Vec<&Key> =
         all.iter().filter(|key| matches!(key.form.as_str(), "number" | "whole number")).collect();
     assert!(numbers.len() > 80, "{}", numbers.len());
-    let map: std::sync::Arc<str> = include_str!("../../../../scenarios/maps/crossing.xodr").into();
+    let map: swerve_scenario::MapText = include_str!("../../../../scenarios/maps/crossing.xodr").into();
     for key in ["ego.start.s_m", "ego.start.x_m", "name"] {
         let read = Scenario::parse_on("s.toml", &scenario_with(key), Some(&map), &[]);
         assert!(read.is_ok(), "{key}: {}", read.err().unwrap());

@@ -14,7 +14,7 @@ use swerve_msg::Route;
 use swerve_text::{Range, TableReader, nearest, read_bytes, unpacked};
 
 use super::{ANGLE, FRICTION, PLACE, PLACE_MAX_M, SPEED, program};
-use crate::{Closure, Course, EgoStart, MapCourse, Road, SignalProgram, TrafficLight};
+use crate::{Closure, Course, EgoStart, MapCourse, MapText, Road, SignalProgram, TrafficLight};
 
 /// Length of the line of an actor beyond its start or goal, metres.
 const ACTOR_BEYOND_M: f64 = 1_000.0;
@@ -29,8 +29,8 @@ const LEFT_HAND: &str =
 /// A map under a scenario, while the scenario is read.
 pub(super) struct Loaded {
     pub(super) name: String,
-    pub(super) text: Arc<str>,
-    pub(super) file: MapFile,
+    pub(super) text: MapText,
+    pub(super) file: Arc<MapFile>,
     pub(super) friction: f64,
     lights: Vec<(Vec<String>, SignalProgram)>,
     closures: Vec<Closure>,
@@ -49,7 +49,7 @@ pub(super) struct Way {
 
 /// Reads the table `[map]` and the file that it names: beside the scenario's file, unless its text is given.
 /// Its programs of lights are at `starts_s` when the run starts.
-pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>, starts_s: f64) -> Option<Loaded> {
+pub(super) fn read(top: &TableReader<'_>, given: Option<&MapText>, starts_s: f64) -> Option<Loaded> {
     let table = top.table_if_any("map")?;
     let name = table.text("file");
     let friction = table.number_or("friction", 0.9, FRICTION);
@@ -61,10 +61,10 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>, starts_s: f6
         return None;
     }
     let loaded = match given {
-        Some(text) => Ok(Arc::clone(text)),
+        Some(text) => Ok(text.clone()),
         None => text_beside(top.reading().file(), &name),
     };
-    let file = loaded.and_then(|text| Ok((MapFile::read(&name, &text)?, text)));
+    let file = loaded.and_then(|text| Ok((text.file(&name)?, text)));
     match file {
         Ok((file, text)) => {
             check_lights(&tables, &lights, &file.map);
@@ -81,7 +81,7 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&Arc<str>>, starts_s: f6
 }
 
 /// Text of a map file, which may be packed by gzip, by its path from the folder of the scenario's file.
-fn text_beside(scenario: &str, name: &str) -> Result<Arc<str>, String> {
+fn text_beside(scenario: &str, name: &str) -> Result<MapText, String> {
     let path = Path::new(scenario).parent().unwrap_or(Path::new("")).join(name);
     let wrong = |error: &dyn core::fmt::Display| format!("{} cannot be read: {error}", path.display());
     let bytes = read_bytes(&path, FILE_MAX).map_err(|error| wrong(&error))?;
@@ -303,7 +303,7 @@ impl Loaded {
             );
             top.reading().report("map.file", message);
         }
-        let (file, text, map) = (self.name.clone(), Arc::clone(&self.text), Arc::clone(&self.file.map));
+        let (file, text, map) = (self.name.clone(), self.text.clone(), Arc::clone(&self.file.map));
         MapCourse {
             file,
             text,

@@ -76,9 +76,7 @@ fn headings(track: &TableReader<'_>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
-    use crate::Scenario;
+    use crate::{MapText, Scenario};
 
     /// A straight lane of 100 m along x.
     const MAP: &str = "<commonRoad commonRoadVersion=\"2020a\"><lanelet id=\"1\">\
@@ -96,7 +94,7 @@ mod tests {
              start = {{ lane = \"1\", s_m = 10.0 }}\ngoal = {{ lane = \"1\", s_m = 90.0 }}\n\
              [[actor]]\nname = \"car\"\nkind = \"car\"\ntrack = {{ {track} }}\n"
         );
-        let map = Arc::from(MAP);
+        let map = MapText::from(MAP);
         Scenario::parse_on("x.toml", &text, Some(&map), sets).map_err(|problems| problems.to_string())
     }
 

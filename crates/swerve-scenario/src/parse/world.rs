@@ -40,10 +40,8 @@ pub(super) fn read(top: &TableReader<'_>) -> Option<SumoWorld> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::Scenario;
+    use crate::{MapText, Scenario};
 
     fn parse(world: &str) -> Result<Scenario, String> {
         let map = include_str!("../../../swerve-map-io/maps/junction.net.xml");
@@ -51,7 +49,7 @@ mod tests {
             "name = \"way\"\n[map]\nfile = \"junction.net.xml\"\n[ego]\nstart = {{ lane = \"in_2\", s_m = 10.0 }}\n\
              goal = {{ lane = \"out_0\", s_m = 30.0 }}\ntarget_speed_mps = 2.0\n{world}"
         );
-        let map: Arc<str> = map.into();
+        let map = MapText::from(map);
         Scenario::parse_on("town/x.toml", &text, Some(&map), &[]).map_err(|problems| problems.to_string())
     }
 

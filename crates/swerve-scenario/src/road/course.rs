@@ -8,6 +8,7 @@ use swerve_map::{LaneKind, LanePlace, Map};
 use swerve_msg::Route;
 
 use super::KERB_M;
+use crate::MapText;
 
 /// A map, and the ego's route over it.
 #[derive(Clone, PartialEq, Debug)]
@@ -15,7 +16,7 @@ pub struct MapCourse {
     /// File as named in the scenario.
     pub file: String,
     /// Text of the file.
-    pub text: Arc<str>,
+    pub text: MapText,
     /// The map.
     pub map: Arc<Map>,
     /// First route from the start to the goal and beyond.

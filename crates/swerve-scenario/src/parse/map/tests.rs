@@ -139,7 +139,7 @@ fn on_slope(grade: f64, bank: f64) -> Result<Scenario, String> {
         "</lateralProfile>\n    <lanes>".to_owned(),
     ]
     .concat();
-    let map: Arc<str> = map.replacen("<lanes>", &profiles, 1).into();
+    let map: MapText = map.replacen("<lanes>", &profiles, 1).into();
     let text = "name = \"test\"\n[map]\nfile = \"m.xodr\"\n[ego]\nstart = { road = \"1\", lane = -1, s_m = 20.0 }\n\
                 goal = { road = \"1\", lane = -1, s_m = 500.0 }\n";
     Scenario::parse_on("x.toml", text, Some(&map), &[]).map_err(|problems| problems.to_string())
@@ -173,7 +173,7 @@ fn small_slopes_are_a_warning_and_large_ones_are_refused() {
 /// A scenario on a map of the text, from one lane to another.
 fn over(file: &str, map: &str, start: &str, goal: &str) -> Result<Scenario, String> {
     let text = format!("name = \"test\"\n[map]\nfile = \"{file}\"\n[ego]\nstart = {start}\ngoal = {goal}\n");
-    Scenario::parse_on("x.toml", &text, Some(&Arc::from(map)), &[]).map_err(|problems| problems.to_string())
+    Scenario::parse_on("x.toml", &text, Some(&map.into()), &[]).map_err(|problems| problems.to_string())
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn names_of_the_traffic_are_taken() {
     let text = "name = \"test\"\n[map]\nfile = \"m.net.xml\"\n[ego.cyclist_2]\nstart = { lane = \"in_2\", s_m = 20.0 }\n\
                 goal = { lane = \"in_2\", s_m = 60.0 }\n[traffic]\nvehicles = 3\ncyclists = 2\n";
     let read = |text: &str| {
-        let read = Scenario::parse_on("x.toml", text, Some(&Arc::from(net)), &[]);
+        let read = Scenario::parse_on("x.toml", text, Some(&net.into()), &[]);
         read.map(drop).map_err(|problems| problems.to_string())
     };
     let error = read(text).unwrap_err();
@@ -341,7 +341,7 @@ fn light_for_no_lane_is_refused_if_it_gets_phases() {
     let light = text.find("<signal name=\"light_east\"").unwrap();
     let lane = "<validity fromLane=\"-1\" toLane=\"-1\" />";
     let other = text[light..].replacen(lane, "<validity fromLane=\"-7\" toLane=\"-7\" />", 1);
-    let map = std::sync::Arc::from(format!("{}{other}", &text[..light]));
+    let map = MapText::from(format!("{}{other}", &text[..light]));
     let read = |lights: &str| {
         let text =
             format!("name = \"test\"\n[map]\nfile = \"crossing.xodr\"\n{lights}\n[ego]\n{START}\n{GOAL}\n");
