@@ -205,20 +205,36 @@ impl Route {
         let obeys = |lane| signal.lanes.binary_search(&lane).is_ok();
         let is_inside = |lane| map.is_in_junction(lane);
         self.stretches.iter().enumerate().find_map(|(k, stretch)| {
-            let next = self.stretches.get(k + 1).map(|next| next.lane);
+            let after = self.stretches.get(k + 1);
+            let next = after.map(|after| after.lane);
             let lane = map.lane(stretch.lane).filter(|_| !is_inside(stretch.lane))?;
+            let begin_m = self.lane_begin_m(map, k, lane, after);
             let lines = map.stop_lines_of(stretch.lane);
             let line = lines.iter().find(|line| line.signals.binary_search(&signal.id).is_ok());
             let is_for_turn = next.is_some_and(|next| is_inside(next) && obeys(next));
             let is_for_any = obeys(stretch.lane) || !signal.lanes.iter().any(|lane| is_inside(*lane));
             match line {
-                Some(line) if is_for_turn || is_for_any => Some(stretch.begin_m + line.s_m),
+                Some(line) if is_for_turn || is_for_any => Some(begin_m + line.s_m),
                 None if obeys(stretch.lane) || is_for_turn => {
-                    Some(stretch.begin_m + (lane.line.length() - BEFORE_END_M).max(0.0))
+                    Some(begin_m + (lane.line.length() - BEFORE_END_M).max(0.0))
                 }
                 _ => None,
             }
         })
+    }
+
+    /// Begin of the lane of stretch `k` along the route, metres. After a change of lanes, the stretch begins on the way
+    /// along the lane.
+    fn lane_begin_m(&self, map: &Map, k: usize, lane: &Lane, after: Option<&Stretch>) -> f64 {
+        let follows = |before: LaneId, next: LaneId| {
+            map.lane(before).is_some_and(|before| before.successors.contains(&next))
+        };
+        let before = k.checked_sub(1).map(|before| self.stretches[before].lane);
+        let is_changed_to = before.is_some_and(|before| !follows(before, lane.id));
+        match after.filter(|after| is_changed_to && follows(lane.id, after.lane)) {
+            Some(after) => after.begin_m - lane.line.length(),
+            None => self.stretches[k].begin_m,
+        }
     }
 
     /// Width of the drivable ground to the left of the line at arc length `s_m`, metres (positive).

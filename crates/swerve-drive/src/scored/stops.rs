@@ -55,10 +55,12 @@ impl Stops {
         let signs = of_cars().flat_map(|lane| {
             let lines = map.stop_lines_of(lane.id).iter().filter(|line| line.sign == Some(Sign::Stop));
             let stretch = route.stretches().iter().find(|stretch| stretch.lane == lane.id);
-            lines.map(move |line| SignLine {
-                lane: lane.id,
-                line: lane.line.at(line.s_m).pose,
-                route_s_m: stretch.map(|stretch| stretch.begin_m + line.s_m),
+            lines.map(move |line| {
+                let at = lane.line.at(line.s_m).pose;
+                // After a change of lanes, the stretch begins on the way along the lane.
+                let near = |s_m| route.project_near(at.point(), s_m, lane.line.length()).s_m;
+                let route_s_m = stretch.map(|stretch| near(stretch.begin_m + line.s_m));
+                SignLine { lane: lane.id, line: at, route_s_m }
             })
         });
         Self { lights: lights.to_vec(), red, signs: signs.collect() }

@@ -2,7 +2,7 @@ use swerve_geom::{Obb, Pose2};
 
 use super::*;
 use crate::router::{Stop, find, find_over};
-use crate::{Features, Junction, JunctionId, LaneId, LaneMarks, Mark, MarkKind, Neighbour};
+use crate::{Features, Junction, JunctionId, LaneId, LaneMarks, Mark, MarkKind, Neighbour, Signal, SignalId};
 
 fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
     let points: Vec<Point2> = points.iter().map(|&(x, y)| Point2::new(x, y)).collect();
@@ -216,5 +216,41 @@ fn goal_on_the_last_lane_of_a_change_is_where_it_is_on_the_road() {
         let goal = route.unproject(FrenetPoint { s_m: goal_m, d_m: 0.0 });
         assert_eq!(start_m, 10.0);
         assert!((goal.x_m - 80.0 - goal_s_m).abs() < 0.1, "{goal_s_m}: {goal:?}");
+    }
+}
+
+#[test]
+fn stop_is_at_the_end_of_the_lane_that_the_route_changes_to() {
+    let mut lanes = vec![
+        lane(0, &[(0.0, 3.5), (200.0, 3.5)], &[2]),
+        lane(1, &[(0.0, 0.0), (200.0, 0.0)], &[]),
+        lane(2, &[(200.0, 3.5), (220.0, 3.5)], &[3]),
+        lane(3, &[(220.0, 3.5), (300.0, 3.5)], &[]),
+    ];
+    side_by_side(&mut lanes, 0, 1);
+    let junction = Junction {
+        id: JunctionId(0),
+        name: String::new(),
+        lanes: vec![LaneId(2)],
+        incoming: vec![LaneId(0)],
+        rights_of_way: Vec::new(),
+    };
+    let signal = Signal {
+        id: SignalId(0),
+        name: String::new(),
+        position: Point2::new(200.0, 3.5),
+        heading_rad: 0.0,
+        height_m: None,
+        lanes: vec![LaneId(0)],
+        controller: None,
+        program: None,
+    };
+    let features = Features { junctions: vec![junction], signals: vec![signal], ..Features::default() };
+    let map = Map::with_features(lanes, features).unwrap();
+    for from in [0, 1] {
+        let (route, _) = over(&map, (from, 10.0), (3, 40.0), 0.0);
+        let stop_m = route.stop_s_m(&map, &map.signals()[0]).unwrap();
+        let x_m = route.line().at(stop_m).pose.x_m;
+        assert!((x_m - 199.0).abs() < 0.01, "from lane {from}: {x_m}");
     }
 }
