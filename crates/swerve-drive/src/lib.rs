@@ -44,7 +44,7 @@ pub use load::{
 };
 pub use measured::{norm, outline, track_names};
 pub use overwrite::OverwriteArgs;
-pub use recording::{Recording, left_out_of_logs, logged_scenario, run_start, set_up};
+pub use recording::{Recording, left_out_of_logs, logged_scenario, of_version, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
 pub use story::{conclude, story, title};
 pub use trust::CodeArgs;

@@ -101,7 +101,21 @@ pub fn logged_scenario(start: &RunStart) -> anyhow::Result<Scenario> {
     let text = start.extra.get("scenario").context("the log holds no scenario")?;
     let map = start.extra.get("map").map(|text| MapText::from(text.as_str()));
     let scenario = Scenario::parse_on("scenario of the log", text, map.as_ref(), &[]);
-    scenario.map_err(|problems| problems_error(&problems))
+    scenario.map_err(|problems| problems_error(&problems)).map_err(|error| match &*of_version(start) {
+        "" => error,
+        version => error.context(format!("a log{version}")),
+    })
+}
+
+/// Addition to a message about a log: empty if this version has written it.
+pub fn of_version(start: &RunStart) -> String {
+    const OWN: &str = env!("CARGO_PKG_VERSION");
+    match &*start.version {
+        OWN => String::new(),
+        other => {
+            format!(" of swerve {other}; this is {OWN}, whose results may differ: docs/howto/upgrade.md")
+        }
+    }
 }
 
 /// Head of a log: everything needed to run again without the files.

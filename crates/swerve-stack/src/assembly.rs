@@ -20,6 +20,7 @@ use swerve_text::{did_you_mean, nearest};
 
 use crate::base;
 use crate::config::OperatorConfig;
+use crate::config::old_names::removed_kind;
 use crate::config::resolved::Resolved;
 use crate::kind::{Node, OperatorKind, Role, Settings};
 use crate::ladder::Schedule;
@@ -272,6 +273,9 @@ fn unknown_operator(setup: &Setup, name: &str) -> String {
 
 /// Error message for an unknown kind. A name that is close to none is taken for a custom kind rather than a typo.
 fn unknown_kind(setup: &Setup, kind: &str) -> String {
+    if let Some(why) = removed_kind(kind) {
+        return format!("the kind `{kind}` was removed: {why}");
+    }
     let names: Vec<&str> = setup.registry.kinds().map(|kind| kind.node().kind).collect();
     let own = match nearest(kind, names.iter().copied()) {
         Some(_) => "",

@@ -11,7 +11,7 @@ use swerve_core::Digest;
 use swerve_drive::page::{COMMAND, LogSoFar, given_log, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
-use swerve_drive::{left_out_of_logs, logged_scenario, problems_error, run_start, set_up};
+use swerve_drive::{left_out_of_logs, logged_scenario, of_version, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, Recorder, RunEnd, left_out};
@@ -103,7 +103,7 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
         ))?;
     }
     if args.verify && !comparison.is_same() {
-        bail!("{}: the replay differs from the log", args.log.display());
+        bail!("{}: the replay differs from the log{}", args.log.display(), of_version(&log.start));
     }
     if args.verify && !log.is_sealed {
         bail!(

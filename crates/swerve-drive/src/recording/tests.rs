@@ -81,3 +81,15 @@ fn reader_of_asam_finds_the_states_of_the_record() {
         assert!(read.status.success(), "{scenario}\n{said}\n{complained}");
     }
 }
+
+#[test]
+fn message_about_a_log_of_another_version_names_both() {
+    let mut start = RunStart { version: env!("CARGO_PKG_VERSION").into(), ..RunStart::default() };
+    assert_eq!(of_version(&start), "");
+    start.version = "0.1.0".into();
+    let of_other = of_version(&start);
+    assert!(
+        of_other.starts_with(" of swerve 0.1.0; this is 0.2") && of_other.ends_with("upgrade.md"),
+        "{of_other}"
+    );
+}

@@ -217,6 +217,10 @@ const REFUSED: &[(&str, &str)] = &[
     ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
     ("[operator.x]\nkind = \"predicter\"\n", "c.toml:2: operator.x.kind: unknown kind `predicter`"),
     (
+        "[operator.x]\nkind = \"linear_predictor\"\n",
+        "c.toml:2: operator.x.kind: the kind `linear_predictor` was removed: it was renamed to `predictor`",
+    ),
+    (
         "[operator.planer]\nenabled = false\n",
         "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
     ),

@@ -1,4 +1,4 @@
-//! Keys that were renamed or removed: the error for an old key names its replacement.
+//! Keys and kinds that were renamed or removed: the error for an old one names its replacement.
 
 use swerve_text::KeyProblem;
 
@@ -21,6 +21,20 @@ const REMOVED: [(&str, &str); 2] = [
     ("render.threads", "--threads sets the threads of the whole run"),
     ("perception.calibration", "`swerve calibrate detector` writes it as a comment"),
 ];
+
+/// Removed kinds of operators with the replacement.
+const REMOVED_KINDS: [(&str, &str); 2] = [
+    (
+        "stop_lines",
+        "the operator `behaviour` is in every pipeline and obeys lights; remove this table and what reads it",
+    ),
+    ("linear_predictor", "it was renamed to `predictor`"),
+];
+
+/// The reason or the replacement of a kind that was removed.
+pub(crate) fn removed_kind(kind: &str) -> Option<&'static str> {
+    REMOVED_KINDS.iter().find(|(old, _)| *old == kind).map(|(_, why)| *why)
+}
 
 /// The problem, with the present name if its key is an old one.
 pub(crate) fn with_present_name((key, message): KeyProblem) -> KeyProblem {
@@ -54,5 +68,16 @@ mod tests {
         assert_eq!(message("perception.params.misses.steady"), "this key was renamed to `correlation`");
         assert!(message("perception.calibration").starts_with("this key was removed: "));
         assert_eq!(message("perception.params.half_visibility"), "unknown key");
+    }
+
+    #[test]
+    fn page_on_upgrading_has_every_old_name() {
+        let page = include_str!("../../../../docs/howto/upgrade.md");
+        let keys =
+            RENAMED.iter().flat_map(|(old, new)| [*old, *new]).chain(REMOVED.iter().map(|(old, _)| *old));
+        for name in keys.chain(REMOVED_KINDS.iter().map(|(old, _)| *old)) {
+            let last = name.rsplit('.').next().unwrap();
+            assert!(page.contains(last), "{name} is missing");
+        }
     }
 }
