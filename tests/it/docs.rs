@@ -222,7 +222,8 @@ fn commands_in_running_text_exist() {
             assert!(known, "{}: `{quoted}`: no such command", path.display());
             for flag in words.filter(|word| word.starts_with("--")) {
                 let help = unknown.to_string();
-                assert!(help.contains(flag), "{}: `{quoted}`: no flag {flag}", path.display());
+                let name = flag.split('=').next().unwrap();
+                assert!(help.contains(name), "{}: `{quoted}`: no flag {flag}", path.display());
             }
         }
     }
