@@ -102,7 +102,7 @@ def test_wrong_arguments_are_named() -> None:
     with pytest.raises(Exception, match="reset"):
         env.step({})
     env.reset(seed=1)
-    with pytest.raises(ValueError, match="expected those of leader, follower, found leader"):
+    with pytest.raises(ValueError, match="expected those of follower, leader, found leader"):
         env.step({"leader": np.zeros(3, np.float32)})
     with pytest.raises(ValueError, match=r"actions\['follower'\]: expected an array of the shape \(3,\), found \(2,\)"):
         env.step({"leader": np.zeros(3, np.float32), "follower": np.zeros(2, np.float32)})
