@@ -108,7 +108,7 @@ def test_wrong_arguments_are_named() -> None:
         env.step({"leader": np.zeros(3, np.float32), "follower": np.zeros(2, np.float32)})
     with pytest.raises(Exception, match="not finite"):
         env.step({"leader": np.zeros(3, np.float32), "follower": np.full(3, np.nan, np.float32)})
-    with pytest.raises(ValueError, match="expected one of leader, follower, found 'nobody'"):
+    with pytest.raises(ValueError, match="expected one of follower, leader, found 'nobody'"):
         env.action_space("nobody")
     with pytest.raises(ValueError, match="swerve.pettingzoo has an agent for each"):
         swerve.gym.DrivingEnv(SCENARIO)
