@@ -17,7 +17,6 @@ use swerve_drive::trust::CodeArgs;
 use crate::convert::error;
 use crate::numbers::Numbers;
 use crate::run::{FileOr, Inputs};
-use action::Level;
 use drive::{Drive, FACTS, Task};
 pub(crate) use egos::Egos;
 
@@ -83,17 +82,15 @@ impl Drives {
         allow_code: bool,
     ) -> PyResult<Self> {
         let code = CodeArgs { allow_code };
-        let Inputs { config, scenario, .. } =
-            Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
-        let level = Level::named(level).map_err(PyValueError::new_err)?;
-        let egos = scenario.egos().len();
+        let inputs = Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
+        let egos = inputs.scenario.egos().len();
         if egos > 1 {
             let message = format!(
                 "the scenario has {egos} egos, expected one: swerve.pettingzoo has an agent for each"
             );
             return Err(PyValueError::new_err(message));
         }
-        let task = Task::new(config, scenario, level, &observe, rows).map_err(error)?;
+        let task = Task::read(inputs, level, &observe, rows)?;
         let lane = |_| Lane { drive: None, seed: 0, count: 0, over: true };
         let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
         let pool = pool.transpose().map_err(|e| error(e.into()))?;
@@ -144,7 +141,7 @@ impl Drives {
             Ok(())
         })
         .map_err(error)?;
-        self.told(py)
+        self.state(py)
     }
 
     /// Continues to the next decision under actions (float64 of all drives, concatenated). A drive that is over
@@ -162,7 +159,7 @@ impl Drives {
             self.each(&mut lanes, |i, lane| lane.step(&self.task, &actions[i * size..(i + 1) * size]))
         })
         .map_err(error)?;
-        self.told(py)
+        self.state(py)
     }
 
     /// Newest image of an observed stream, of the drive at `index`; `None` before the first.
@@ -201,7 +198,7 @@ impl Drives {
         }
     }
 
-    fn told<'py>(&self, py: Python<'py>) -> PyResult<Stepped<'py>> {
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Stepped<'py>> {
         let lanes = self.lanes();
         let mut numbers: Vec<f32> = Vec::with_capacity(lanes.len() * self.task.numbers());
         let mut facts: Vec<f64> = Vec::with_capacity(lanes.len() * FACTS.len());
@@ -209,7 +206,7 @@ impl Drives {
             let drive = lane.drive.as_ref();
             let drive = drive.ok_or_else(|| PyValueError::new_err("reset() comes before step()"))?;
             drive.observe(&self.task, &mut numbers);
-            drive.tell(&mut facts);
+            drive.facts(&mut facts);
         }
         Ok((bytes(py, &numbers, |x| x.to_le_bytes()), bytes(py, &facts, |x| x.to_le_bytes())))
     }

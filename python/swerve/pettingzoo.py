@@ -100,10 +100,10 @@ class DrivingParallelEnv(ParallelEnv):
             raise ValueError(f"agent: expected one of {', '.join(self.possible_agents)}, found {agent!r}")
         return self.possible_agents.index(agent)
 
-    def _told(self, told: tuple[bytearray, bytearray]) -> tuple[dict[str, Observation], dict[str, Facts]]:
+    def _unpacked(self, state: tuple[bytearray, bytearray]) -> tuple[dict[str, Observation], dict[str, Facts]]:
         """Observations and facts of all egos."""
-        numbers = np.frombuffer(told[0], np.float32).reshape(len(self.possible_agents), self._layout.numbers)
-        facts = _facts(told[1]).reshape(len(self.possible_agents), len(Facts._fields))
+        numbers = np.frombuffer(state[0], np.float32).reshape(len(self.possible_agents), self._layout.numbers)
+        facts = _facts(state[1]).reshape(len(self.possible_agents), len(Facts._fields))
         observations = {}
         for place, agent in enumerate(self.possible_agents):
             observations[agent] = self._layout.observation(numbers[place], partial(self._image, place))
@@ -123,7 +123,7 @@ class DrivingParallelEnv(ParallelEnv):
         if seed is not None:
             self._random = np.random.default_rng(seed)
         drawn = int(self._random.integers(2**31)) if seed is None else seed
-        observations, self._before = self._told(self._egos.reset(drawn))
+        observations, self._before = self._unpacked(self._egos.reset(drawn))
         self.agents = list(self.possible_agents)
         return observations, {name: {"facts": facts, "seed": drawn} for name, facts in self._before.items()}
 
@@ -145,7 +145,7 @@ class DrivingParallelEnv(ParallelEnv):
         if wrong is not None:
             found = each[self._place(wrong)].shape
             raise ValueError(f"actions[{wrong!r}]: expected an array of the shape {expected}, found {found}")
-        observations, facts = self._told(self._egos.step(self._layout.action(np.stack(each))))
+        observations, facts = self._unpacked(self._egos.step(self._layout.action(np.stack(each))))
         before, self._before, live = self._before, facts, self.agents
         rewards, infos, over = {}, {}, {}
         for name in live:

@@ -92,7 +92,7 @@ fn changed(document: Document, map: Option<&MapText>, sets: &[Set]) -> Result<Sc
     }
     let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
     crate::parse::scenario(&Document::parse(&file, text)?, map).map_err(|problems| {
-        let told = problems.iter().map(|problem| {
+        let of_keys = problems.iter().map(|problem| {
             let is_of = |(place, _): &&(String, &str)| {
                 problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
             };
@@ -103,7 +103,7 @@ fn changed(document: Document, map: Option<&MapText>, sets: &[Set]) -> Result<Sc
             let nearer = near.map(|near| format!("unknown key; did you mean `{near}`?"));
             of_set(key, nearer.unwrap_or_else(|| problem.message.clone()))
         });
-        told.collect::<Problems>()
+        of_keys.collect::<Problems>()
     })
 }
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail, ensure};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
 use swerve_core::Time;
 use swerve_drive::process::Processes;
 use swerve_flow::{Reached, RunOptions, Session, Watched};
@@ -16,7 +18,9 @@ use swerve_vehicle::Shape;
 
 use super::action::{Level, Wheel};
 use super::observe::{Form, From};
+use crate::convert::error;
 use crate::numbers::{Numbers, image};
+use crate::run::Inputs;
 
 /// Ground-truth facts at each decision, in addition to the observations; for rewards.
 pub(crate) const FACTS: [&str; 11] = [
@@ -60,7 +64,13 @@ struct Observed {
 }
 
 impl Task {
-    pub(crate) fn new(
+    /// The task of these inputs, with the arguments of an environment.
+    pub(crate) fn read(inputs: Inputs, level: &str, observe: &[String], rows: usize) -> PyResult<Self> {
+        let level = Level::named(level).map_err(PyValueError::new_err)?;
+        Self::new(inputs.config, inputs.scenario, level, observe, rows).map_err(error)
+    }
+
+    fn new(
         config: Setup,
         scenario: Scenario,
         level: Level,
@@ -298,8 +308,8 @@ impl Drive {
     }
 
     /// Ground-truth facts: for each ego as many numbers as [`FACTS`] has names.
-    pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
-        self.egos.iter().for_each(|ego| ego.tell(self.has_stopped(), facts));
+    pub(crate) fn facts(&self, facts: &mut Vec<f64>) {
+        self.egos.iter().for_each(|ego| ego.facts(self.has_stopped(), facts));
     }
 }
 
@@ -356,7 +366,7 @@ impl DrivenEgo {
     }
 
     /// Facts; `has_stopped` if the run is over.
-    fn tell(&self, has_stopped: bool, facts: &mut Vec<f64>) {
+    fn facts(&self, has_stopped: bool, facts: &mut Vec<f64>) {
         let on_line = self.route.line().at(self.place.s_m);
         let flag = |yes: bool| f64::from(u8::from(yes));
         let ended = match self.ended {
@@ -368,7 +378,7 @@ impl DrivenEgo {
             Some(EndReason::Timeout) => 4.0,
         };
         let truth = &self.truth;
-        let told: [f64; FACTS.len()] = [
+        let all: [f64; FACTS.len()] = [
             truth.stamp.as_secs(),
             self.place.s_m,
             self.place.d_m,
@@ -381,6 +391,6 @@ impl DrivenEgo {
             flag(self.left_road),
             ended,
         ];
-        facts.extend(told);
+        facts.extend(all);
     }
 }

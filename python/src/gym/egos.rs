@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use swerve_drive::trust::CodeArgs;
 
-use super::action::Level;
 use super::drive::{Drive, Task};
 use super::{Stepped, bytes};
 use crate::convert::error;
@@ -36,11 +35,8 @@ impl Egos {
         allow_code: bool,
     ) -> PyResult<Self> {
         let code = CodeArgs { allow_code };
-        let Inputs { config, scenario, .. } =
-            Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
-        let level = Level::named(level).map_err(PyValueError::new_err)?;
-        let task = Task::new(config, scenario, level, &observe, rows).map_err(error)?;
-        Ok(Self { task, drive: Mutex::new(None) })
+        let inputs = Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
+        Ok(Self { task: Task::read(inputs, level, &observe, rows)?, drive: Mutex::new(None) })
     }
 
     /// Names of the egos, in the order of observations, actions and facts.
@@ -72,7 +68,7 @@ impl Egos {
             Ok(())
         })
         .map_err(error)?;
-        self.told(py)
+        self.state(py)
     }
 
     /// Continues to the next decision under actions (float64 of all egos, concatenated).
@@ -89,7 +85,7 @@ impl Egos {
             drive.step(&self.task, &actions)
         })
         .map_err(error)?;
-        self.told(py)
+        self.state(py)
     }
 
     /// Newest image of an observed stream of the ego at `index`; `None` before the first.
@@ -108,12 +104,12 @@ impl Egos {
         self.drive.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn told<'py>(&self, py: Python<'py>) -> PyResult<Stepped<'py>> {
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Stepped<'py>> {
         let drive = self.drive();
         let drive = drive.as_ref().ok_or_else(|| PyValueError::new_err("reset() comes before step()"))?;
         let (mut numbers, mut facts): (Vec<f32>, Vec<f64>) = (Vec::new(), Vec::new());
         drive.observe(&self.task, &mut numbers);
-        drive.tell(&mut facts);
+        drive.facts(&mut facts);
         Ok((bytes(py, &numbers, |x| x.to_le_bytes()), bytes(py, &facts, |x| x.to_le_bytes())))
     }
 }
