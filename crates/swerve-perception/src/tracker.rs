@@ -17,7 +17,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix2, Matrix4, Vector2 as Column2};
 use swerve_core::{ParamError, Span, Time};
-use swerve_geom::{Map, Obb, Point2, Pose2, Vector2, angle_between, math, shared_area_m2};
+use swerve_geom::{Ego, Map, Obb, Point2, Pose2, Vector2, angle_between, math, shared_area_m2};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
 use crate::assignment::assign;
@@ -60,6 +60,9 @@ impl Group {
         }
     }
 }
+
+/// Speed below which a track stands, m/s: one standard deviation of a standing one in images.
+const STANDS_MPS: f64 = 1.0;
 
 /// Speed above which a vehicle moves, m/s: several standard deviations of an echo's.
 const MOVES_MPS: f64 = 1.5;
@@ -152,10 +155,19 @@ impl Tracker {
         for &(t, b, noise) in &pairs {
             self.tracks[t].meet(&boxes[b], noise, found.stamp, &params);
         }
-        let [on_probation, reported] = [params.probation_s, params.forget_after_s].map(Span::from_secs);
-        self.tracks.retain(|track| {
-            let limit = if track.is_confirmed { reported } else { on_probation };
-            found.stamp - track.last_seen <= limit
+        let [on_probation, reported, near] =
+            [params.probation_s, params.forget_after_s, params.near_forget_after_s].map(Span::from_secs);
+        self.tracks.retain_mut(|track| {
+            let unseen = found.stamp - track.last_seen;
+            if track.is_confirmed
+                && unseen > reported
+                && unseen <= near
+                && track.stands_near(ego, params.near_m)
+            {
+                track.filter.rest();
+                return true;
+            }
+            unseen <= if track.is_confirmed { reported } else { on_probation }
         });
         for (b, measured) in boxes.iter().enumerate() {
             if !pairs.iter().any(|&(_, taken, _)| taken == b) {
@@ -331,6 +343,13 @@ impl Followed {
             let is_confirmed = self.is_confirmed || newer.is_confirmed;
             *self = Self { id: self.id, is_confirmed, ..newer };
         }
+    }
+
+    /// True if the track stands ahead of the ego, at most this distance from its origin.
+    fn stands_near(&self, ego: Pose2<Map>, near_m: f64) -> bool {
+        let (x_m, y_m, [vx_mps, vy_mps]) = self.filter.state();
+        let off = ego.to_local::<Ego>(Point2::new(x_m, y_m));
+        math::hypot(vx_mps, vy_mps) < STANDS_MPS && off.x_m > 0.0 && math::hypot(off.x_m, off.y_m) <= near_m
     }
 
     fn outline(&self) -> Obb {

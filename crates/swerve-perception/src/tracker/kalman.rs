@@ -176,6 +176,14 @@ impl Filter {
         }
     }
 
+    /// Sets the current velocity to zero.
+    pub(super) fn rest(&mut self) {
+        let step = self.steps.back_mut().expect("a filter starts with a step and keeps its last");
+        for state in [&mut step.predicted, &mut step.filtered] {
+            state.mean.fixed_rows_mut::<2>(2).fill(0.0);
+        }
+    }
+
     /// Current position and velocity.
     pub(super) fn state(&self) -> (f64, f64, [f64; 2]) {
         let mean = self.last().filtered.mean;

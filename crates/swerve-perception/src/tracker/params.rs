@@ -43,6 +43,13 @@ pub struct Params {
     /// Time without a box after which a reported track ends, seconds. SORT: one frame.
     #[schemars(range(min = 0.0, max = 60.0))]
     pub forget_after_s: f64,
+    /// The same for a reported track that stands at most `near_m` ahead of the ego, seconds, if that is longer: an image
+    /// shows only a part of an object right ahead.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub near_forget_after_s: f64,
+    /// Largest distance of such a track from the ego's origin, metres.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub near_m: f64,
     /// Number of positions in a track's reported history, including the current one.
     #[schemars(range(min = 1, max = 1000))]
     pub sightings_max: usize,
@@ -89,6 +96,8 @@ impl Default for Params {
             hits_min: 2,
             probation_s: 0.0,
             forget_after_s: 0.5,
+            near_forget_after_s: 0.0,
+            near_m: 10.0,
             sightings_max: 10,
             shape_gain: 0.1,
             range_noise_m: 0.0,

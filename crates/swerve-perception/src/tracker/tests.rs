@@ -3,7 +3,6 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::detector::{self, Detector, Sensing};
 
-use swerve_geom::{Ego, Point2};
 use swerve_msg::Obstacle;
 use swerve_msg::truth::Surroundings;
 
@@ -44,6 +43,29 @@ fn tracks_are_reported_after_probation_and_end_after_the_timeout() {
     // An unconfirmed track ends at the first frame without a box.
     assert_eq!([reported(300, person()), reported(350, vec![]), reported(400, person())], [0, 0, 0]);
     assert_eq!([reported(450, person()), reported(500, person())], [0, 1]);
+}
+
+/// A standing object right ahead stays for a second without boxes, without a velocity; one that stands further away or
+/// behind, and one that moves, end as all others.
+#[test]
+fn standing_track_right_ahead_outlives_the_timeout() {
+    let params = Params { forget_after_s: 0.1, near_forget_after_s: 1.0, near_m: 8.0, ..Params::default() };
+    let unseen = |x_m: f64, speed_mps: f64, ms: i64| {
+        let mut tracker = tracker(params);
+        for k in 0..20 {
+            let t_s = 0.05 * f64::from(k);
+            let boxes = vec![found(ActorKind::Pedestrian, x_m + speed_mps * t_s, 0.0)];
+            tracker.update(&frame(50 * i64::from(k), boxes), origin());
+        }
+        let mut list = TrackList::default();
+        for at in (1000..=950 + ms).step_by(50) {
+            list = tracker.update(&frame(at, vec![]), origin());
+        }
+        list.tracks.first().map(|track| track.velocity_mps.norm())
+    };
+    assert!(unseen(7.0, 0.0, 100).is_some() && unseen(7.0, 0.0, 150) == Some(0.0));
+    assert_eq!((unseen(7.0, 0.0, 1000), unseen(7.0, 0.0, 1050)), (Some(0.0), None));
+    assert_eq!((unseen(9.0, 0.0, 150), unseen(-7.0, 0.0, 150), unseen(4.0, 1.5, 150)), (None, None, None));
 }
 
 #[test]

@@ -173,7 +173,7 @@ pub struct OcclusionConfig {
     /// Lowest speed to which the car slows for hidden places, m/s; the default is the speed beside people in the lane.
     #[schemars(range(min = 0.5, max = 100.0))]
     pub least_speed_mps: f64,
-    /// Range of sight along the other lane, metres; the default is the range of the sensors.
+    /// Range of sight along the other lane, metres; the default is the range of perfect perception.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub sight_m: f64,
 }
