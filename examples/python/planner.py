@@ -17,17 +17,15 @@ GAP_M = 6.0
 
 class Planner(swerve.Planner):
     def plan(self, request: swerve.PlanRequest) -> Plan:
-        start, route = request.start, request.route
+        start = request.start
         free_m = max(0.0, self.clear_m(request) - GAP_M)
         speed_mps = min(request.target_speed_mps, (2.0 * BRAKE_MPS2 * free_m) ** 0.5)
         t = np.arange(0.0, HORIZON_S, STEP_S)
         v = np.clip(speed_mps, start.speed_mps - BRAKE_MPS2 * t, start.speed_mps + 1.5 * t).clip(0.0)
         along = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * STEP_S)])
         # The offset from the route decays over ten metres.
-        x, y, heading, _ = route.at(request.along_m)
-        d = np.cos(heading) * (start.pose.y_m - y) - np.sin(heading) * (start.pose.x_m - x)
-        x, y, heading, curvature = route.at(request.along_m + along, d * np.exp(-along / 10.0))
-        return request.answer(request.points(t, x, y, heading, curvature, v), work=len(request.predictions))
+        path = request.route.path(request.along_m + along, request.aside_m * np.exp(-along / 10.0))
+        return request.answer(request.points(t, *path, v), work=len(request.predictions))
 
     def clear_m(self, request: swerve.PlanRequest) -> float:
         """Distance to the nearest predicted place on the route."""

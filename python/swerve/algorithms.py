@@ -18,6 +18,7 @@ adds the comfort layer, and publishes the result. Its keys are those of the algo
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -61,11 +62,23 @@ class Route(Message):
     """Distances to the right border, metres."""
 
     def at(self, s_m: Any, d_m: Any = 0.0) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """x, y, heading and curvature at arc lengths, at offsets to the left; interpolated, constant beyond the ends."""
+        """x and y at arc lengths and offsets to the left, heading and curvature of the route there; interpolated, constant
+        beyond the ends."""
         heading = np.interp(s_m, self.s_m, np.unwrap(self.heading_rad))
         x = np.interp(s_m, self.s_m, self.x_m) - d_m * np.sin(heading)
         y = np.interp(s_m, self.s_m, self.y_m) + d_m * np.cos(heading)
         return x, y, np.asarray(heading), np.asarray(np.interp(s_m, self.s_m, self.curvature_1pm))
+
+    def path(self, s_m: Any, d_m: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """x, y, heading and curvature of the path through two or more points at arc lengths and offsets to the left."""
+        s, d = np.broadcast_arrays(np.asarray(s_m, dtype=float), np.asarray(d_m, dtype=float))
+        x, y, heading, curvature = self.at(s, d)
+        along, aside = np.gradient(s) * (1.0 - curvature * d), np.gradient(d)
+        heading = np.unwrap(heading + np.arctan2(aside, along))
+        length = np.hypot(along, aside)
+        # Points at rest have no curvature of their own.
+        turned = np.divide(np.gradient(heading), length, out=curvature.copy(), where=length > 1e-6)
+        return x, y, heading, turned
 
 
 @dataclass(slots=True)
@@ -119,6 +132,13 @@ class PlanRequest(Message):
     """The latest previous plan."""
     seed: int
     """Seed of the random numbers of this call."""
+
+    @property
+    def aside_m(self) -> float:
+        """Offset of the start to the left of the route, metres."""
+        x, y, heading, _ = self.route.at(self.along_m)
+        pose = self.start.pose
+        return float((pose.y_m - y) * np.cos(heading) - (pose.x_m - x) * np.sin(heading))
 
     def points(
         self, t_s: Any, x_m: Any, y_m: Any, heading_rad: Any, curvature_1pm: Any, speed_mps: Any
@@ -174,6 +194,37 @@ def _answer(algorithm: Algorithm, method: str, answer: object, kind: type[_Answe
     raise TypeError(f"`{type(algorithm).__name__}.{method}` returned {found}; expected a `{kind.__name__}`")
 
 
+#: Largest distance of a plan's first point from the start state, metres.
+_BEGINS_WITHIN_M = 1.0
+
+
+def _check_plan(name: str, request: PlanRequest, plan: Plan) -> None:
+    """Fails for a plan that no car can drive from the start state. A plan that is kept may have begun before it."""
+    wrong = f"`{name}.plan` returned a `Plan` "
+    if not plan.points:
+        raise ValueError(wrong + "without points; expected at least one `PlanPoint`")
+    for k, point in enumerate(plan.points):
+        values = {
+            "pose.x_m": point.pose.x_m,
+            "pose.y_m": point.pose.y_m,
+            "pose.heading_rad": point.pose.heading_rad,
+            "curvature_1pm": point.curvature_1pm,
+            "speed_mps": point.speed_mps,
+            "accel_mps2": point.accel_mps2,
+        }
+        for key, value in values.items():
+            if not math.isfinite(value):
+                raise ValueError(wrong + f"with points[{k}].{key} = {value}; expected a finite number")
+        if k > 0 and point.at < plan.points[k - 1].at:
+            raise ValueError(wrong + f"with points[{k}].at before that of the point before; expected rising instants")
+    first, start = plan.points[0], request.start
+    off_m = math.hypot(first.pose.x_m - start.pose.x_m, first.pose.y_m - start.pose.y_m)
+    if first.at >= start.stamp and off_m > _BEGINS_WITHIN_M:
+        raise ValueError(
+            wrong + f"that begins {off_m:.2f} m from the start state; expected its first point at `request.start`"
+        )
+
+
 class Planner(Algorithm):
     """A motion planner. It keeps nothing but buffers between calls: the previous plan is in the request."""
 
@@ -189,10 +240,9 @@ class Planner(Algorithm):
         known: list[dict[str, Any]] = []
 
         def call(fields: dict[str, Any]) -> dict[str, Any]:
-            plan = _answer(self, "plan", self.plan(PlanRequest.from_plain(_with_route(fields, known))), Plan)
-            if not plan.points:
-                name = type(self).__name__
-                raise ValueError(f"`{name}.plan` returned a `Plan` without points; expected at least one `PlanPoint`")
+            request = PlanRequest.from_plain(_with_route(fields, known))
+            plan = _answer(self, "plan", self.plan(request), Plan)
+            _check_plan(type(self).__name__, request, plan)
             return plan.to_plain()
 
         return call

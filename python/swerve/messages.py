@@ -196,6 +196,8 @@ class PlanStatus(str, Enum):
     """The comfortable layer found this path."""
     POSE_UNCERTAIN = "pose_uncertain"
     """Stop, because the pose is too uncertain for the lane."""
+    REFUSED = "refused"
+    """Full braking in place of a plan that no car can follow (`Plan::is_plausible`)."""
 
 
 class InfractionKind(str, Enum):

@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import swerve
@@ -136,10 +137,25 @@ def test_exceptions_and_wrong_operators_are_reported(file: Any, capfd: pytest.Ca
     [
         ("pass", r"`Bad\.plan` returned nothing; expected a `Plan`"),
         ("return request.answer([])", r"`Bad\.plan` returned a `Plan` without points; expected at least one `PlanPoint`"),
+        (
+            "return beside(request, 0.0, math.nan)",
+            r"`Bad\.plan` returned a `Plan` with points\[0\]\.accel_mps2 = nan; expected a finite number",
+        ),
+        (
+            "return beside(request, 2.0, 5.0)",
+            r"`Bad\.plan` returned a `Plan` that begins 2\.00 m from the start state; expected its first point at `request\.start`",
+        ),
     ],
 )
 def test_wrong_answer_names_class_method_and_expected_type(file: Any, code: str, expected: str) -> None:
     where = file(f"""
+        import math
+
+        def beside(request, aside_m, speed_mps):
+            pose = request.start.pose
+            x_m, y_m = pose.x_m - aside_m * math.sin(pose.heading_rad), pose.y_m + aside_m * math.cos(pose.heading_rad)
+            return request.answer(request.points([0, 1], x_m, y_m, pose.heading_rad, 0, [5, speed_mps]))
+
         class Bad(swerve.Planner):
             def plan(self, request):
                 {code}
@@ -152,6 +168,23 @@ def test_class_that_cannot_be_loaded_is_in_the_exception(file: Any) -> None:
     where = file(ROUTE)
     with pytest.raises(ValueError, match=r"(?s)process `python` ended .* before it was ready.*no operator `Alon`, only Along"):
         swerve.run("lane", by("planner", f"{where}:Alon"))
+
+
+def test_path_beside_a_circle_has_its_own_heading_and_curvature() -> None:
+    """Along a left bend of 50 m: a path 2 m to its left has the radius 48 m; one that moves to the left at a tenth of its
+    way along that circle is turned by the arctangent of 0.1."""
+    angle = np.linspace(0.0, 1.0, 101)
+    ones = np.ones_like(angle)
+    x, y = 50.0 * np.sin(angle), 50.0 * (1.0 - np.cos(angle))
+    route = swerve.algorithms.Route(50.0 * angle, x, y, angle, ones / 50.0, 5.0 * ones, 5.0 * ones)
+    s = np.linspace(5.0, 20.0, 31)
+    x, y, heading, curvature = route.path(s, 2.0)
+    assert np.allclose(np.hypot(x, y - 50.0), 48.0, atol=1e-2)
+    assert np.allclose(heading, s / 50.0, atol=1e-3) and np.allclose(curvature, 1.0 / 48.0, rtol=1e-2)
+    heading = route.path(s, 0.1 * (s - s[0]))[2]
+    assert np.allclose(heading[:3] - s[:3] / 50.0, np.arctan(0.1), atol=2e-3)
+    # At rest: the values of the route.
+    assert np.allclose(route.path([5.0, 5.0], 1.0)[3], 1.0 / 50.0)
 
 
 def test_pipeline_has_the_name_of_the_class(file: Any) -> None:

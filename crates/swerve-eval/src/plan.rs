@@ -26,13 +26,17 @@ pub struct PlanCounts {
     /// Stop because the pose was too uncertain for the lane.
     #[serde(default)]
     pub pose_uncertain: u64,
+    /// Full brake in place of a plan that no car can follow.
+    #[serde(default)]
+    pub refused: u64,
 }
 
 impl PlanCounts {
     /// Total number of plans.
     pub fn all(&self) -> u64 {
-        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain } = self;
-        route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain
+        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain, refused } =
+            self;
+        route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain + refused
     }
 }
 
@@ -80,8 +84,11 @@ impl PlanMetrics {
             PlanStatus::GaveUp => &mut counts.gave_up,
             PlanStatus::Comfortable => &mut counts.comfortable,
             PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
+            PlanStatus::Refused => &mut counts.refused,
         } += 1;
-        self.refused += u64::from(plan.points.is_empty() || !plan.is_plausible());
+        self.refused += u64::from(
+            plan.status == PlanStatus::Refused || plan.points.is_empty() || !plan.is_plausible(),
+        );
         if plan.status == PlanStatus::PoseUncertain {
             self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
         } else {
@@ -97,6 +104,7 @@ impl PlanMetrics {
 #[cfg(test)]
 mod tests {
     use swerve_core::Time;
+    use swerve_msg::PlanPoint;
 
     use super::*;
 
@@ -117,6 +125,11 @@ mod tests {
             PlanCounts { route: 1, found: 2, kept: 1, gave_up: 1, ..Default::default() }
         );
         assert_eq!((metrics.first_found_s, metrics.refused), (Some(0.1), 5));
+        let stands = PlanPoint::default();
+        let full_brake = Plan { status: PlanStatus::Refused, points: vec![stands], ..Plan::default() };
+        let mut refusing = PlanMetrics::default();
+        refusing.take(&full_brake);
+        assert_eq!((refusing.refused, refusing.counts.refused, refusing.counts.all()), (1, 1, 1));
         assert_eq!((metrics.counts.all(), metrics.comfortable_share), (5, Some(0.0)));
         for _ in 0..15 {
             metrics.take(&Plan { status: PlanStatus::Comfortable, ..Plan::default() });

@@ -81,6 +81,7 @@ pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
         PlanStatus::GaveUp => "no path found: along the route regardless",
         PlanStatus::Comfortable => "within the limits of comfort",
         PlanStatus::PoseUncertain => "stopping: the pose is too uncertain for the lane",
+        PlanStatus::Refused => "a plan with impossible values: full brake",
     };
     let level = if status.is_fallback() { Level::Warning } else { Level::Info };
     Line::new(stamp, level, operator, words)

@@ -55,12 +55,14 @@ pub enum PlanStatus {
     Comfortable,
     /// Stop, because the pose is too uncertain for the lane.
     PoseUncertain,
+    /// Full braking in place of a plan that no car can follow ([`Plan::is_plausible`]).
+    Refused,
 }
 
 impl PlanStatus {
     /// Returns true if the planner failed to find a path.
     pub fn is_fallback(self) -> bool {
-        matches!(self, Self::Kept | Self::Brake | Self::Stop | Self::GaveUp)
+        matches!(self, Self::Kept | Self::Brake | Self::Stop | Self::GaveUp | Self::Refused)
     }
 }
 

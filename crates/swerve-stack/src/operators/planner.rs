@@ -270,7 +270,7 @@ impl PlannerOperator {
                 None => planner.plan(request, budget),
             };
             // A plan that no car can follow is no answer.
-            if plan.is_plausible() { plan } else { brake(request) }
+            if plan.is_plausible() { plan } else { Plan { status: PlanStatus::Refused, ..brake(request) } }
         };
         let is_comfortable = |plan: &Plan| plan.status == PlanStatus::Comfortable;
         let mut plan_for = |request: &Request<'_>| {
