@@ -34,8 +34,7 @@ pub struct PlanCounts {
 impl PlanCounts {
     /// Total number of plans.
     pub fn all(&self) -> u64 {
-        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain, refused } =
-            self;
+        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain, refused } = self;
         route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain + refused
     }
 }
@@ -86,9 +85,8 @@ impl PlanMetrics {
             PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
             PlanStatus::Refused => &mut counts.refused,
         } += 1;
-        self.refused += u64::from(
-            plan.status == PlanStatus::Refused || plan.points.is_empty() || !plan.is_plausible(),
-        );
+        self.refused +=
+            u64::from(plan.status == PlanStatus::Refused || plan.points.is_empty() || !plan.is_plausible());
         if plan.status == PlanStatus::PoseUncertain {
             self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
         } else {

@@ -16,7 +16,9 @@ pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Opt
     let score = |name: &'n str| {
         let slips = strsim::damerau_levenshtein(wrong, name);
         let likeness = strsim::jaro_winkler(wrong, name);
-        let is_part = name.split('_').any(|part| part == wrong);
+        let is_rest = |rest: &str| rest.starts_with('_') || rest.ends_with('_');
+        let is_end = name.strip_prefix(wrong).or_else(|| name.strip_suffix(wrong)).is_some_and(is_rest);
+        let is_part = is_end || name.split('_').any(|part| part == wrong);
         // One error in two letters is few: `rn` is close to `run`.
         let letters = wrong.chars().count();
         let few = if letters == 2 { 1 } else { letters / 3 };
@@ -85,13 +87,14 @@ mod tests {
 
     #[test]
     fn nearest_name_is_one_typo_or_many_common_letters_away() {
-        let names = ["planner", "predictor", "gate", "fps", "emulated_detector"];
+        let names = ["planner", "predictor", "gate", "fps", "emulated_detector", "added_latency_ms"];
         for (wrong, near) in [
             ("planer", Some("planner")),
             ("predict", Some("predictor")),
             ("gaet", Some("gate")),
             ("fsp", Some("fps")),
             ("detector", Some("emulated_detector")),
+            ("latency_ms", Some("added_latency_ms")),
             ("world", None),
             ("", None),
         ] {

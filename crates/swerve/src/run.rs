@@ -150,7 +150,9 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         trace.mark_chain(why.steps.iter().map(|s| (s.at_s, s.what.name())), of);
     });
     let recorded = recorded.and(trace.finish()).map_err(anyhow::Error::from);
-    let driven = driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()));
+    let partial =
+        |error| anyhow::anyhow!("{error:#}\nwhat was recorded until then is in {}", log_part.display());
+    let driven = driven.map_err(partial);
     let outcome = ends.in_order(driven, &recorded, &log_part)?;
     if recorded.is_ok() {
         folder.name_whole()?;

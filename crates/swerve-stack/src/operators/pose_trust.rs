@@ -103,7 +103,8 @@ impl Stop {
 
 /// Largest deceleration of a plan, m/s²; infinite without a way out.
 fn hardest_mps2(plan: &Plan) -> f64 {
-    if matches!(plan.status, PlanStatus::Brake | PlanStatus::Stop | PlanStatus::GaveUp | PlanStatus::Refused) {
+    if matches!(plan.status, PlanStatus::Brake | PlanStatus::Stop | PlanStatus::GaveUp | PlanStatus::Refused)
+    {
         return f64::INFINITY;
     }
     plan.points.iter().map(|point| -point.accel_mps2).fold(0.0, f64::max)
