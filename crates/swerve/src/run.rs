@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use swerve_drive::commonroad::{SolutionArgs, Solving};
 use swerve_drive::frames::{Frames, Sinks};
 use swerve_drive::graph::note_redirected;
