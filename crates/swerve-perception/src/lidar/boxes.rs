@@ -163,7 +163,7 @@ fn judge(points: &[[f32; 4]], step: usize, heading_rad: f32) -> Fit {
 ///
 /// The visible part is kept; the missing part is added on the side away from the sensor, or on both if the sensor faces
 /// the middle. If a nearer object hides either the left or the right end, as seen from the sensor, the missing part of
-/// a visible side is added there.
+/// a visible side is added there, unless the face at that end is visible.
 pub(super) fn complete(
     fit: &Fit,
     class: &Class,
@@ -185,7 +185,11 @@ pub(super) fn complete(
         // For a sensor beyond the low end, all of the missing part is added at the high end.
         let share = ((low - from[axis]) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0)
             - ((from[axis] - high) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0);
-        let share = hidden_end(fit, axis, sensor, hidden).unwrap_or(share);
+        let [low_across, high_across] = fit.ends[1 - axis];
+        let shows_face = high_across - low_across > FACE_SHARE * class.usual_m[1 - which];
+        let faces = if low > from[axis] { -1.0 } else { f32::from(u8::from(high < from[axis])) };
+        let is_hidden = |end: &f32| !(shows_face && *end == faces);
+        let share = hidden_end(fit, axis, sensor, hidden).filter(is_hidden).unwrap_or(share);
         let beyond = missing * 0.5 * (1.0 + share);
         ends[axis] = [low - (missing - beyond), high + beyond];
     }
@@ -194,6 +198,9 @@ pub(super) fn complete(
         if is_across { (fit.heading_rad + FRAC_PI_2, [-sin, cos]) } else { (fit.heading_rad, [cos, sin]) };
     Some(Rectangle { middle, turn, heading_rad, size_m, seen_m })
 }
+
+/// Share of a face's usual width that has to be visible for its end not to be hidden.
+const FACE_SHARE: f32 = 0.5;
 
 /// Middle of a rectangle with these limits along its axes; `turn` is the cosine and sine of its heading.
 pub(super) fn middle([cos, sin]: [f32; 2], ends: [[f32; 2]; 2]) -> [f32; 2] {
@@ -272,12 +279,17 @@ mod tests {
     fn complete_adds_the_part_that_a_nearer_object_hides() {
         // The front half of the left side of a car in the right lane, whose rear half is hidden by a truck.
         let side: Vec<[f32; 4]> = (0..22).map(|k| [14.2 + 0.1 * k as f32, -2.5, 0.5, 0.5]).collect();
+        let corner: Vec<[f32; 4]> =
+            side.iter().copied().chain((0..18).map(|k| [14.2, -4.3 + 0.1 * k as f32, 0.5, 0.5])).collect();
         // The left half of a person straight ahead; the right half is hidden.
         let person: Vec<[f32; 4]> = (0..6).map(|k| [15.0, 0.05 * k as f32, 1.0, 1.0]).collect();
         for (points, class, hidden, [x, y]) in [
             (&side, &CLASSES[0], [false, true], [14.1, -3.4]),
             (&side, &CLASSES[0], [false, false], [16.4, -3.4]),
             (&side, &CLASSES[0], [true, true], [16.4, -3.4]),
+            // With its rear in view, nothing hides the rear half.
+            (&corner, &CLASSES[0], [false, true], [16.4, -3.4]),
+            (&corner, &CLASSES[0], [true, false], [16.4, -3.4]),
             (&person, &CLASSES[3], [false, true], [15.25, 0.0]),
             (&person, &CLASSES[3], [true, false], [15.25, 0.25]),
         ] {
