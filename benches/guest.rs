@@ -4,8 +4,8 @@ use std::hint::black_box;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use criterion::{Criterion, criterion_group, criterion_main};
-use swerve_benches::now;
+use criterion::{Criterion, criterion_group};
+use swerve_benches::{Goal, Rows, Sample, busy_ms, is_asked_to_measure, now};
 use swerve_core::Time;
 use swerve_drive::{Stack, StackOptions};
 use swerve_flow::{Event, PlaybackRecord, RunOptions, Sent, run_virtual};
@@ -88,59 +88,115 @@ fn messages() -> Messages {
     core::mem::take(&mut *heard.lock().expect("one thread"))
 }
 
-/// The steps of a whole run, with the simulated world, as `swerve run` measures it.
-fn run() -> Duration {
-    let mut pipeline = Pipeline::build(&setup(), &scenario()).expect("it can be built");
-    pipeline.until = UNTIL;
-    let start = now();
-    black_box(swerve_drive::drive_pipeline(pipeline, 1, 1, &mut []).expect("it runs"));
-    start.elapsed()
+/// A clock: milliseconds since any instant.
+type Clock<'a> = &'a dyn Fn() -> f64;
+
+/// Milliseconds by a clock of a number of whole runs, with the simulated world, as `swerve run` measures them.
+fn run(count: u64, clock: Clock<'_>) -> f64 {
+    let built: Vec<Pipeline> = (0..count)
+        .map(|_| {
+            let mut pipeline = Pipeline::build(&setup(), &scenario()).expect("it can be built");
+            pipeline.until = UNTIL;
+            pipeline
+        })
+        .collect();
+    let start = clock();
+    for pipeline in built {
+        black_box(swerve_drive::drive_pipeline(pipeline, 1, 1, &mut []).expect("it runs"));
+    }
+    clock() - start
 }
 
-/// The steps of the same stack without the world, whose messages are played back.
-fn played(messages: &Messages) -> Duration {
+/// As [`run`], of the same stack without the world, whose messages are played back.
+fn played(count: u64, clock: Clock<'_>, messages: &Messages) -> f64 {
     let mut setup = setup();
     setup.sim.guest = true;
-    let mut pipeline = Pipeline::build(&setup, &scenario()).expect("it can be built");
-    for operator in pipeline.fed.clone() {
-        let of = messages.iter().filter(|(_, stream, _)| *stream == operator);
-        let records = of.map(|(at, _, message)| message.clone().record(*at));
-        pipeline.graph.playback(&operator, records.collect()).expect("they are of that operator");
+    let built: Vec<Pipeline> = (0..count)
+        .map(|_| {
+            let mut pipeline = Pipeline::build(&setup, &scenario()).expect("it can be built");
+            for operator in pipeline.fed.clone() {
+                let of = messages.iter().filter(|(_, stream, _)| *stream == operator);
+                let records = of.map(|(at, _, message)| message.clone().record(*at));
+                pipeline.graph.playback(&operator, records.collect()).expect("they are of that operator");
+            }
+            pipeline
+        })
+        .collect();
+    let start = clock();
+    for pipeline in built {
+        let options = RunOptions::until(UNTIL).seed(1);
+        black_box(run_virtual(pipeline.graph, &options, Vec::new()).expect("it runs"));
     }
-    let start = now();
-    black_box(run_virtual(pipeline.graph, &RunOptions::until(UNTIL).seed(1), Vec::new()).expect("it runs"));
-    start.elapsed()
+    clock() - start
 }
 
-/// The steps of the stack in a foreign world: messages fed and commands taken at every control step.
-fn guest(messages: &Messages) -> Duration {
-    let mut stack = Stack::new(&setup(), &scenario(), &StackOptions::default()).expect("it can be built");
-    let mut next = messages.clone().into_iter().peekable();
-    let start = now();
-    for step in 0..=UNTIL.ns() / 1_000_000 / STEP_MS {
-        let now = Time::from_ms(step * STEP_MS);
-        while let Some((_, stream, message)) = next.next_if(|(at, ..)| *at <= now) {
-            message.feed(&mut stack, &stream).expect("it fits");
+/// As [`run`], of the stack in a foreign world: messages fed and commands taken at every control step.
+fn guest(count: u64, clock: Clock<'_>, messages: &Messages) -> f64 {
+    let one = || Stack::new(&setup(), &scenario(), &StackOptions::default()).expect("it can be built");
+    let built: Vec<(Stack, Messages)> = (0..count).map(|_| (one(), messages.clone())).collect();
+    let start = clock();
+    for (mut stack, messages) in built {
+        let mut next = messages.into_iter().peekable();
+        for step in 0..=UNTIL.ns() / 1_000_000 / STEP_MS {
+            let now = Time::from_ms(step * STEP_MS);
+            while let Some((_, stream, message)) = next.next_if(|(at, ..)| *at <= now) {
+                message.feed(&mut stack, &stream).expect("it fits");
+            }
+            black_box(stack.advance_to(now).expect("it runs"));
         }
-        black_box(stack.advance_to(now).expect("it runs"));
     }
-    let took = start.elapsed();
-    drop(stack);
-    took
+    clock() - start
 }
 
 fn bench(criterion: &mut Criterion) {
     let messages = messages();
+    let begin = now();
+    let wall = || begin.elapsed().as_secs_f64() * 1e3;
+    let of = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
     let mut group = criterion.benchmark_group("100 control steps of the truth pipeline");
     group.sample_size(20);
-    let of = |steps: u64, one: &dyn Fn() -> Duration| (0..steps).map(|_| one()).sum::<Duration>();
-    group.bench_function("in a run", |b| b.iter_custom(|steps| of(steps, &run)));
+    group.bench_function("in a run", |b| b.iter_custom(|count| of(run(count, &wall))));
     group.bench_function("played back, without a world", |b| {
-        b.iter_custom(|steps| of(steps, &|| played(&messages)))
+        b.iter_custom(|count| of(played(count, &wall, &messages)))
     });
-    group.bench_function("as a guest", |b| b.iter_custom(|steps| of(steps, &|| guest(&messages))));
+    group.bench_function("as a guest", |b| b.iter_custom(|count| of(guest(count, &wall, &messages))));
     group.finish();
 }
 
+/// Rounds in which the cost of a guest is compared with that of a run.
+const ROUNDS: usize = 15;
+/// Times of 100 steps in a round, each way.
+const IN_A_ROUND: u64 = 20;
+
+/// The cost of a guest relative to a run, by processor time: other programs do not count.
+fn rows() {
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "guest");
+    let what = "100 control steps as a guest, relative to a run";
+    if busy_ms().is_none() {
+        rows.skipped(what, "processor time is not reported");
+        return rows.finish();
+    }
+    let messages = messages();
+    let clock = || busy_ms().unwrap_or_default();
+    let round = |_| [run(IN_A_ROUND, &clock), guest(IN_A_ROUND, &clock, &messages)];
+    let rounds: Vec<[f64; 2]> = (0..ROUNDS).map(round).collect();
+    let each = |of: &dyn Fn(&[f64; 2]) -> f64| Sample::new(rounds.iter().map(of).collect());
+    let per_run = IN_A_ROUND as f64;
+    for (name, index) in [("in a run", 0), ("as a guest", 1)] {
+        let ms = each(&|round| round[index] / per_run);
+        rows.row(&format!("100 control steps {name}"), ms.median(), &ms.text(2, "ms"), Goal::None);
+    }
+    let ratio = each(&|[run, guest]| guest / run);
+    rows.row(what, ratio.median(), &ratio.text(2, "times"), Goal::Most(1.3));
+    rows.finish();
+}
+
 criterion_group!(benches, bench);
-criterion_main!(benches);
+
+fn main() {
+    benches();
+    Criterion::default().configure_from_args().final_summary();
+    if is_asked_to_measure() {
+        rows();
+    }
+}

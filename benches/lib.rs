@@ -186,6 +186,17 @@ pub fn resident_kib() -> u64 {
     4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0)
 }
 
+/// Processor time of the threads of this process so far, milliseconds, if the system reports it.
+pub fn busy_ms() -> Option<f64> {
+    let threads = std::fs::read_dir("/proc/self/task").ok()?;
+    threads
+        .map(|thread| {
+            let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat")).ok()?;
+            Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-6)
+        })
+        .sum()
+}
+
 /// Output of a script of `tests/reference`, run by the Python of `SWERVE_PYTHON`; empty if it cannot be run.
 pub fn python(script: &str, arguments: &[&Path]) -> String {
     let script = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference")).join(script);

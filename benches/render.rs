@@ -5,7 +5,7 @@
 //!
 //! The town has about 64,000 triangles, a quarter of them moving; colour includes textures, shadows and reflections.
 
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, busy_ms, is_asked_to_measure, now};
 use swerve_camera::{
     Backend, Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, SensorNoise, View,
     mount,
@@ -38,17 +38,6 @@ fn camera(change: impl Fn(&mut CameraSpec)) -> Camera {
     let mut spec = CameraSpec::default();
     change(&mut spec);
     Camera::new(spec).expect("the camera is fine")
-}
-
-/// Processor time of this process so far, milliseconds, if the system reports it.
-fn busy_ms() -> Option<f64> {
-    let threads = std::fs::read_dir("/proc/self/task").ok()?;
-    threads
-        .map(|thread| {
-            let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat")).ok()?;
-            Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-6)
-        })
-        .sum()
 }
 
 /// Median time of a frame and processor time of a frame, milliseconds.

@@ -2,7 +2,7 @@
 
     python highway_table.py [EPISODES] [ENVIRONMENT ...]
 
-prints the table, and each episode to standard error.
+prints the table with a test of the crashes, and each episode to standard error.
 
 The worlds have the default settings of highway-env, with 15 steps a second, but an episode at the crossing takes up to 60 s in
 place of 13 s: a driver that gives way may wait there for longer. The stack moves the car in each step, not once per action of
@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import highway_env
 import numpy as np
+from highway_env.road.road import Road
 from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.controller import ControlledVehicle
 from highway_env.vehicle.kinematics import Vehicle
@@ -55,6 +56,34 @@ class Car(ControlledVehicle):
             Vehicle.act(self, self.moves())
 
 
+class StraightRoad(Road):
+    """The road of `highway-v0`, lanes along x, with the same neighbours and collisions in less than a third of the time."""
+
+    def neighbour_vehicles(self, vehicle: Vehicle, lane_index: Any = None) -> tuple[Vehicle | None, Vehicle | None]:
+        lane = self.network.get_lane(lane_index or vehicle.lane_index)
+        (x0, y0), reach_m, beyond_m = lane.start.tolist(), lane.width / 2 + 1.0, lane.VEHICLE_LENGTH
+        s, front, rear = float(vehicle.position[0]) - x0, (math.inf, None), (-math.inf, None)
+        for other in self.vehicles:
+            x, y = other.position.tolist()
+            at = x - x0
+            if other is vehicle or abs(y - y0) > reach_m or not -beyond_m <= at < lane.length + beyond_m:
+                continue
+            if s <= at <= front[0]:
+                front = (at, other)
+            if s > at > rear[0]:
+                rear = (at, other)
+        return front[1], rear[1]
+
+    def step(self, dt: float) -> None:
+        for vehicle in self.vehicles:
+            vehicle.step(dt)
+        xs = [float(vehicle.position[0]) for vehicle in self.vehicles]
+        for i, vehicle in enumerate(self.vehicles):
+            for j in range(i + 1, len(xs)):
+                if abs(xs[i] - xs[j]) < 20.0:  # two lengths of a car and a step at 100 m/s
+                    vehicle.handle_collisions(self.vehicles[j], dt)
+
+
 def make(name: str, seed: int, driver: type[Vehicle]) -> Any:
     """An environment in which a car of this class has the place of the ego."""
     gymnasium.register_envs(highway_env)
@@ -64,6 +93,8 @@ def make(name: str, seed: int, driver: type[Vehicle]) -> Any:
         raise ValueError(f"{name}: expected {HZ} steps a second, found {env.config['simulation_frequency']}")
     env.reset(seed=seed)
     env.route = list(env.vehicle.route or [])
+    if name == "highway-v0":
+        env.road.__class__ = StraightRoad
     car = driver.create_from(env.vehicle)
     env.road.vehicles[env.road.vehicles.index(env.vehicle)] = car
     env.controlled_vehicles[0] = car
@@ -207,13 +238,24 @@ def wilson(crashes: int, episodes: int) -> tuple[float, float]:
     return max(low, 0.0), high
 
 
+def mcnemar(one: list[Episode], other: list[Episode]) -> tuple[int, int, float]:
+    """Seeds in which only the one driver crashes, and only the other, and the exact probability of so uneven counts under equal
+    crash rates (McNemar's test, two-sided)."""
+    pairs = [(a.crashed, b.crashed) for a, b in zip(one, other)]
+    first, second = pairs.count((True, False)), pairs.count((False, True))
+    n = first + second
+    return first, second, min(1.0, 2.0 * sum(math.comb(n, k) for k in range(min(first, second) + 1)) / 2.0**n)
+
+
 if __name__ == "__main__":
     episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     print("| environment | driver | crashes | crash rate (95 % interval) | through | mean speed |\n|---|---|---|---|---|---|")
+    tests = []
     with ProcessPoolExecutor() as pool:
         for name in sys.argv[2:] or ENVIRONMENTS:
+            both = []
             for label, drive in (("Swerve", stack), ("IDM", idm)):
-                found = []
+                found: list[Episode] = []
                 for episode in pool.map(partial(drive, name), range(episodes)):
                     print(name, label, len(found), *episode, sep=",", file=sys.stderr, flush=True)
                     found.append(episode)
@@ -222,3 +264,7 @@ if __name__ == "__main__":
                 rate = f"{100 * crashes / episodes:.1f} % ({low:.1f} to {high:.1f})"
                 speed = f"{np.mean([one.mean_mps for one in found]):.1f} m/s"
                 print(f"| `{name}` | {label} | {crashes} of {episodes} | {rate} | {through} | {speed} |", flush=True)
+                both.append(found)
+            first, second, p = mcnemar(*both)
+            tests.append(f"{name}: only Swerve crashes in {first} episodes, only IDM in {second}; McNemar's exact test: p = {p:.3f}")
+    print("", *tests, sep="\n")

@@ -7,6 +7,7 @@ The agent gives target speed and offset from the route, each 0.4 s. Policy and v
 """
 
 import sys
+from collections.abc import Callable
 
 import numpy as np
 
@@ -85,13 +86,15 @@ def update(policy: Network, value: Network, rng: np.random.Generator, data: tupl
             value.backward((value.forward(x)[:, 0] - target)[:, None] / len(part), [])
 
 
-def train(
-    iterations: int = 60, seed: int = 1, scenario: str = "person_behind_truck"
+#: Observations after a step of all drives, their rewards, and how drives ended.
+Step = tuple[np.ndarray, np.ndarray, list[str | None]]
+
+
+def learn(
+    seen: np.ndarray, step: Callable[[np.ndarray], Step], rng: np.random.Generator, iterations: int
 ) -> tuple[Network, list[tuple[int, int]]]:
-    """The policy, and for each iteration the drives that came to their goal and all that ended."""
-    rng = np.random.default_rng(seed)
-    env = make(DRIVES, scenario)
-    seen = flat(env.reset(seed=seed)[0])
+    """The policy for drives that are stepped together, from their first observations, and for each iteration the drives that
+    came to their goal and all that ended."""
     policy, value = Network(rng, seen.shape[1], 2), Network(rng, seen.shape[1], 1)
     policy.more = [np.full(2, np.log(0.4))]
     goals = []
@@ -101,12 +104,12 @@ def train(
             mean, deviation = policy.forward(seen), np.exp(policy.more[0])
             action = mean + deviation * rng.standard_normal(mean.shape)
             density = (-0.5 * ((action - mean) / deviation) ** 2 - policy.more[0]).sum(1)
-            after, reward, endings, _ = hold(env, action)
+            after, reward, endings = step(action)
             rows.append((seen, action, density, 0.1 * reward, np.array([one is not None for one in endings]), endings))
             seen = after
         x, actions, densities, rewards, ends, endings = zip(*rows)
         values = [value.forward(each)[:, 0] for each in (*x, seen)]
-        advantages, trace = [], np.zeros(DRIVES)
+        advantages, trace = [], np.zeros(len(seen))
         for k in reversed(range(STEPS)):
             goes_on = 1.0 - ends[k]
             trace = rewards[k] + DISCOUNT * values[k + 1] * goes_on - values[k] + DISCOUNT * TRACE * goes_on * trace
@@ -119,6 +122,15 @@ def train(
         goals.append((ended.count("goal"), len(ended)))
         print(f"{iteration}: reward {np.mean(rewards) / 0.1:.2f} an action; {ended.count('goal')} of {len(ended)} drives at their goal")
     return policy, goals
+
+
+def train(
+    iterations: int = 60, seed: int = 1, scenario: str = "person_behind_truck"
+) -> tuple[Network, list[tuple[int, int]]]:
+    """The policy, and for each iteration the drives that came to their goal and all that ended."""
+    env = make(DRIVES, scenario)
+    seen = flat(env.reset(seed=seed)[0])
+    return learn(seen, lambda action: hold(env, action)[:3], np.random.default_rng(seed), iterations)
 
 
 def drive(policy: Network, seeds: range, scenario: str = "person_behind_truck") -> list[tuple[str, float]]:

@@ -371,3 +371,17 @@ def test_ppo_learns_to_pass_the_person() -> None:
     _, goals = ppo.train(22, 1)
     first, last = (tuple(map(sum, zip(*part))) for part in (goals[:5], goals[17:]))
     assert first[0] < 0.1 * first[1] and last[0] > 0.25 * last[1], goals
+
+
+@pytest.mark.skipif(not os.environ.get("SWERVE_SLOW"), reason="slow: set SWERVE_SLOW=1")
+def test_ppo_reaches_the_goal_within_the_speed_limit() -> None:
+    """On roads that were not trained on, where random actions and constant ones do not come to the goal."""
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples/python"))
+    import ppo_lane
+
+    policies = ppo_lane.policies(ppo_lane.train(60, 1))
+    results = {name: ppo_lane.evaluate(policy, range(20)) for name, policy in policies.items()}
+    assert all(ended == "goal" and excess_mps <= 0.1 for ended, excess_mps, _ in results.pop("trained"))
+    assert len(results) == 2 and all(ended != "goal" for each in results.values() for ended, *_ in each), results
