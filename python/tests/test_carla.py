@@ -199,6 +199,9 @@ for waypoint in town.generate_waypoints(2.0):
         places.append(abs(place.d_m))
         turns.append(abs(carla_frames.wrapped(heading_rad - pose.heading_rad)))
 control = carla.VehicleControl(*carla_frames.Steering().control(swerve.messages.Command(0.1, 0.25, 0.5), 0.0))
+signals = [carla_frames.signal(getattr(carla.TrafficLightState, name)) for name in ("Green", "Yellow", "Red", "Off", "Unknown")]
+assert [signal and signal.value for signal in signals] == ["green", "yellow", "red", "off", None]
+assert hasattr(carla.TrafficLight, "get_opendrive_id") and hasattr(carla.TrafficLight, "get_state")
 assert (control.throttle, control.brake) == (0.25, 0.5) and abs(control.steer + 0.1 / math.radians(70)) < 1e-6
 print(len(fixes), max(fixes), len(places), max(places), math.degrees(max(turns)))
 """
