@@ -3,8 +3,8 @@
     python drive.py --town Town01 --spawn 10 --goal 80 --log drive.mcap
 
 CARLA waits for the stack in each step, and the stack's run times count nevertheless: a control is that of the newest command
-that is visible at the instant of the frame. The pose, the other road users and the traffic lights are CARLA's own, unless the configuration reads a
-lidar `roof` or a camera `front` (`--config lidar_objects`).
+that is visible at the instant of the frame. The pose and the other road users are CARLA's own, unless the configuration reads a
+lidar `roof` or a camera `front` (`--config lidar_objects`); the states of traffic lights are CARLA's.
 """
 
 from __future__ import annotations
@@ -166,7 +166,8 @@ def main() -> None:
             start, goal = (frames.pose(places[index]) for index in (args.spawn, args.goal))
             points = [{"x_m": at.x_m, "y_m": at.y_m, "heading_rad": at.heading_rad} for at in (start, goal)]
             route = {"start": points[0], "goal": points[1], "target_speed_mps": args.speed}
-            scenario = {"name": "carla", "map": {"file": os.fspath(file), "all_lights": True}, "ego": route, "end": {"timeout_s": 3600.0}}
+            town = {"file": os.fspath(file), "all_lights": True}
+            scenario = {"name": "carla", "map": town, "ego": route, "end": {"timeout_s": 3600.0}}
             inputs = frames.inputs_of(args.config)
             add_sensors(car, inputs, args.step)
             with swerve.Stack(args.config, scenario=scenario, set=frames.mounting(inputs), log=args.log) as stack:

@@ -3,7 +3,8 @@
     leaderboard_evaluator.py --agent swerve_agent.py --agent-config my.toml --track MAP ...
 
 The agent config is a configuration of Swerve; without one it is `lidar_objects`. The way follows the plan of the Leaderboard over
-the lanes of the town's OpenDRIVE map. Traffic lights are read in images, stop signs in the map. The pose comes from satellite fixes, compass and speedometer.
+the lanes of the town's OpenDRIVE map. Traffic lights are read in images, stop signs in the map. The pose comes from satellite
+fixes, compass and speedometer.
 """
 
 from __future__ import annotations
@@ -106,8 +107,8 @@ class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "map.xodr"
             file.write_text(opendrive)
-            scenario = {"name": "leaderboard", "map": {"file": os.fspath(file), "all_lights": True}, "ego": route}
-            scenario |= {"end": {"timeout_s": 3600.0}}
+            town = {"file": os.fspath(file), "all_lights": True}
+            scenario = {"name": "leaderboard", "map": town, "ego": route, "end": {"timeout_s": 3600.0}}
             keys = frames.mounting(self.inputs) | frames.lights_in_images(self.inputs)
             self.stack = swerve.Stack(self.config, scenario=scenario, set=keys)
         self.filter, self.start_s, self.last_s = PoseFilter(x_m, y_m, heading_rad), now_s, now_s - STEP_S

@@ -61,14 +61,15 @@ def driven(swerve: str, file: Path, out: Path, model: str, keys: list[str]) -> d
     row: dict[str, Any] = {"scenario": name, "model": model}
     solution, plain = out / f"{name}.{model}.xml", out / f"{name}.xml"
     plain.write_bytes(text_of(file))
-    words = [swerve, "run", file, "--seed", "1", "--solution", solution, "--solution-model", model, "--json", "--out", out / "run", "--overwrite"]
-    words += [word for key in keys for word in ("--set", key)]
+    words = [swerve, "run", file, "--seed", "1", "--solution", solution, "--solution-model", model, "--json"]
+    words += ["--out", out / "run", "--overwrite", *(word for key in keys for word in ("--set", key))]
     run = subprocess.run(words, capture_output=True, text=True, check=False)
     if not solution.is_file():
         return row | {"swerve": "", "official": "", "error": run.stderr.strip()}
-    checked = subprocess.run([swerve, "eval", "commonroad", solution, "--scenarios", plain, "--json"], capture_output=True, text=True, check=False)
-    own = json.loads(checked.stdout)[0]
-    return row | {"swerve": "valid" if own["valid"] else own["official"], "official": official(plain, solution), "failures": own["failures"]}
+    check = [swerve, "eval", "commonroad", solution, "--scenarios", plain, "--json"]
+    own = json.loads(subprocess.run(check, capture_output=True, text=True, check=False).stdout)[0]
+    verdict = "valid" if own["valid"] else own["official"]
+    return row | {"swerve": verdict, "official": official(plain, solution), "failures": own["failures"]}
 
 
 def main() -> int:
