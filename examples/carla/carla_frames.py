@@ -28,6 +28,7 @@ from swerve.messages import (
     Obstacle,
     PointCloud,
     Pose2,
+    Signal,
     Transform,
     Vector2,
 )
@@ -80,6 +81,12 @@ def kind(actor: Any) -> ActorKind:
     return kinds.get(actor.attributes.get("base_type", "").lower(), two)
 
 
+def signal(state: Any) -> Signal | None:
+    """A `carla.TrafficLightState`; `None` if it is unknown."""
+    known = {"Green": Signal.GREEN, "Yellow": Signal.YELLOW, "Red": Signal.RED, "Off": Signal.OFF}
+    return known.get(str(state).rsplit(".", maxsplit=1)[-1])
+
+
 def imu(stamp: int, accel_mps2: Sequence[float], gyro_radps: Sequence[float]) -> Imu:
     """The inertial unit: y changes its sign; of rates, those about x and z do."""
     (ax, ay, az), (gx, gy, gz) = (tuple(map(float, values)) for values in (accel_mps2, gyro_radps))
@@ -108,6 +115,10 @@ class Camera:
         projection = Intrinsics(focal_px, focal_px, self.width_px / 2, self.height_px / 2, lens, False)
         camera = CameraInfo(projection, Transform(FORWARD, self.at_m))
         return Image(stamp, self.width_px, self.height_px, camera, np.ascontiguousarray(rows[:, :, 2::-1]))
+
+
+# Wide: a head above a car at its stop line is still in the image.
+SIGNALS = Camera(width_px=1024, height_px=768, fov_deg=100.0)
 
 
 @dataclass(frozen=True)
@@ -140,6 +151,16 @@ def mounting(inputs: Iterable[str]) -> dict[str, Any]:
         names = ("width_px", "height_px", "fov_deg")
         keys |= {f"camera.front.{name}": getattr(Camera, name) for name in names} | {"camera.front.at_m": list(Camera.at_m)}
     return keys
+
+
+def lights_in_images(inputs: Iterable[str]) -> dict[str, Any]:
+    """Keys of the stack by which it reads traffic lights in the images of `camera.front`, if it has that, else of the camera
+    `signals`. The map has the places of masts; the heads are within `search_m` of them."""
+    heads = {"kind": "traffic_lights", "head_m": [0.52, 1.16], "top_m": 4.5, "search_m": 8.0}
+    if "front.rgb" in inputs:
+        return {"operator.lights": {**heads, "reads": {"image": "front.rgb"}}}
+    camera = {name: getattr(SIGNALS, name) for name in ("width_px", "height_px", "fov_deg")} | {"at_m": list(SIGNALS.at_m)}
+    return {"camera.signals": camera, "operator.lights": {**heads, "reads": {"image": "signals.rgb"}}}
 
 
 def inputs_of(config: Any) -> set[str]:

@@ -4,7 +4,7 @@
 
 CARLA waits for the stack in each step, and the stack's run times count nevertheless: a control is that of the newest command
 that is visible at the instant of the frame. The pose and the other road users are CARLA's own, unless the configuration reads a
-lidar `roof` or a camera `front` (`--config lidar_objects`).
+lidar `roof` or a camera `front` (`--config lidar_objects`); the states of traffic lights are CARLA's.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import math
 import os
 import queue
 import tempfile
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import carla_frames as frames
 import numpy as np
 
 import swerve
+from swerve.messages import Signal
 
 SIGHT_M = 100.0
 TIMEOUT_S = 10.0
@@ -112,6 +114,13 @@ def feed(stack: swerve.Stack, name: str, stamp: int, data: Any) -> None:
         stack.feed(name, frames.Camera().image(stamp, np.frombuffer(data.raw_data, np.uint8)))
 
 
+def signals(world: Any, known: Container[str]) -> dict[str, Signal]:
+    """States of CARLA's traffic lights, by their identities in the OpenDRIVE file."""
+    lights = world.get_actors().filter("traffic.traffic_light")
+    states = {light.get_opendrive_id(): frames.signal(light.get_state()) for light in lights}
+    return {name: state for name, state in states.items() if name in known and state is not None}
+
+
 def drive(world: Any, stack: swerve.Stack, car: Car, steps: int) -> None:
     start_s: float | None = None
     for _ in range(steps):
@@ -127,7 +136,9 @@ def drive(world: Any, stack: swerve.Stack, car: Car, steps: int) -> None:
         others = [each for model in ("vehicle.*", "walker.pedestrian.*") for each in actors.filter(model)]
         near = [each for each in others if each.id != car.vehicle.id and each.get_location().distance(here) < SIGHT_M]
         obstacles = [frames.obstacle(each) for each in sorted(near, key=lambda each: int(each.id))]
-        if stack.feed_scene(frames.ego(stamp, car.vehicle, wheels_rad), obstacles):
+        ego = frames.ego(stamp, car.vehicle, wheels_rad)
+        stack.feed_lights(ego, signals(world, stack.lights))
+        if stack.feed_scene(ego, obstacles):
             break
         command = stack.advance_to(stamp * 1e-9)
         car.vehicle.apply_control(carla.VehicleControl(*car.steering.control(command, speed_mps)))
@@ -155,7 +166,8 @@ def main() -> None:
             start, goal = (frames.pose(places[index]) for index in (args.spawn, args.goal))
             points = [{"x_m": at.x_m, "y_m": at.y_m, "heading_rad": at.heading_rad} for at in (start, goal)]
             route = {"start": points[0], "goal": points[1], "target_speed_mps": args.speed}
-            scenario = {"name": "carla", "map": {"file": os.fspath(file)}, "ego": route, "end": {"timeout_s": 3600.0}}
+            town = {"file": os.fspath(file), "all_lights": True}
+            scenario = {"name": "carla", "map": town, "ego": route, "end": {"timeout_s": 3600.0}}
             inputs = frames.inputs_of(args.config)
             add_sensors(car, inputs, args.step)
             with swerve.Stack(args.config, scenario=scenario, set=frames.mounting(inputs), log=args.log) as stack:

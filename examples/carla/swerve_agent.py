@@ -3,7 +3,8 @@
     leaderboard_evaluator.py --agent swerve_agent.py --agent-config my.toml --track MAP ...
 
 The agent config is a configuration of Swerve; without one it is `lidar_objects`. The way follows the plan of the Leaderboard over
-the lanes of the town's OpenDRIVE map. The pose comes from satellite fixes, compass and speedometer.
+the lanes of the town's OpenDRIVE map. Traffic lights are read in images, stop signs in the map. The pose comes from satellite
+fixes, compass and speedometer.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ STEP_S = 0.05
 SPEED_MPS = 8.0
 NOISE_M, DRIFT_M = 0.6, 0.03  # of a fix, and of the dead-reckoned position in a step
 TURN_S = 0.1  # of the Leaderboard's lidar: half a turn in each frame
-CAMERA, LIDAR, STEERING = frames.Camera(), frames.Lidar(), frames.Steering()
+CAMERA, SIGNALS, LIDAR, STEERING = frames.Camera(), frames.SIGNALS, frames.Lidar(), frames.Steering()
 
 
 def get_entry_point() -> str:
@@ -68,17 +69,20 @@ class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
         self.start_s = self.last_s = self.steer = 0.0
 
     def sensors(self) -> list[dict[str, Any]]:
-        """All in CARLA's axes, relative to the middle of the car; camera and lidar only if the configuration reads them."""
+        """All in CARLA's axes, relative to the middle of the car; lidar and `front` only if the configuration reads them. Lights
+        are read in the images of `front`, else of `signals`."""
 
         def at(place_m: tuple[float, float, float]) -> dict[str, float]:
             return {"x": place_m[0] - frames.REAR_M, "y": -place_m[1], "z": place_m[2], "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
 
+        def camera(name: str, own: frames.Camera) -> dict[str, Any]:
+            size = {"width": own.width_px, "height": own.height_px, "fov": own.fov_deg}
+            return {"type": "sensor.camera.rgb", "id": name, **at(own.at_m), **size}
+
         middle = at((frames.REAR_M, 0.0, 0.0))
-        size = {"width": CAMERA.width_px, "height": CAMERA.height_px, "fov": CAMERA.fov_deg}
-        front = {"type": "sensor.camera.rgb", "id": "front", **at(CAMERA.at_m), **size}
         roof = {"type": "sensor.lidar.ray_cast", "id": "roof", **at(LIDAR.at_m)}
         return [
-            *([front] if "front.rgb" in self.inputs else []),
+            camera("front", CAMERA) if "front.rgb" in self.inputs else camera("signals", SIGNALS),
             *([roof] if "roof.points" in self.inputs else []),
             {"type": "sensor.other.imu", "id": "imu", **middle},
             {"type": "sensor.other.gnss", "id": "gnss", **middle},
@@ -103,8 +107,10 @@ class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "map.xodr"
             file.write_text(opendrive)
-            scenario = {"name": "leaderboard", "map": {"file": os.fspath(file)}, "ego": route, "end": {"timeout_s": 3600.0}}
-            self.stack = swerve.Stack(self.config, scenario=scenario, set=frames.mounting(self.inputs))
+            town = {"file": os.fspath(file), "all_lights": True}
+            scenario = {"name": "leaderboard", "map": town, "ego": route, "end": {"timeout_s": 3600.0}}
+            keys = frames.mounting(self.inputs) | frames.lights_in_images(self.inputs)
+            self.stack = swerve.Stack(self.config, scenario=scenario, set=keys)
         self.filter, self.start_s, self.last_s = PoseFilter(x_m, y_m, heading_rad), now_s, now_s - STEP_S
 
     def rear(self, fix: Any, heading_rad: float) -> tuple[float, float]:
@@ -142,6 +148,8 @@ class SwerveAgent(AutonomousAgent):  # type: ignore[misc, unused-ignore]
             self.stack.feed("roof.points", LIDAR.cloud(stamp, parts))
         if "front" in data:
             self.stack.feed("front.rgb", CAMERA.image(stamp, data["front"]))
+        if "signals" in data:
+            self.stack.feed("signals.rgb", SIGNALS.image(stamp, data["signals"]))
 
     def destroy(self) -> None:
         if self.stack is not None:

@@ -2,9 +2,12 @@
 
     python gpudrive_to_commonroad.py SCENE.json OUT.xml [--ego ID] [--degrees]
 
-The ego is the recording vehicle (`metadata.sdc_track_index`), or the object with the given id. The format has the centre lines
-of lanes only: they become `LANE_WIDTH_M` wide, a lane follows where its line begins at the end of another, and lanes of one
-direction that begin and end beside each other are neighbours. Light states, stop signs, lines and edges are left out.
+The ego is the recording vehicle (`metadata.sdc_track_index`), or the object with the given id. Older files have neither ids nor
+the recording vehicle: an id is the place in the list, from 0 on.
+
+The format has the centre lines of lanes only: they become `LANE_WIDTH_M` wide, a lane follows where its line begins at the end of
+another, and lanes of one direction that begin and end beside each other are neighbours. Light states, stop signs, lines and edges
+are left out.
 """
 
 from __future__ import annotations
@@ -26,11 +29,11 @@ BIKE_LANE = 3
 """`map_element_id` of lanes for bicycles."""
 
 
-def track_of(value: Any, where: str, degrees: bool) -> Track:
-    """Road user of an element of `objects`."""
+def track_of(value: Any, where: str, number: int, degrees: bool) -> Track:
+    """Road user of the element of this number in `objects`, which is its id in older files."""
     if not isinstance(value, dict):
         raise Wrong(f"{where}: expected an object, found {value!r:.40}")
-    missing = [key for key in ("id", "type", "length", "width", "position", "heading", "velocity", "valid") if key not in value]
+    missing = [key for key in ("type", "length", "width", "position", "heading", "velocity", "valid") if key not in value]
     if missing:
         raise Wrong(f"{where}: expected the key `{missing[0]}`")
     kind = KINDS.get(str(value["type"]))
@@ -53,7 +56,7 @@ def track_of(value: Any, where: str, degrees: bool) -> Track:
     length, width = (finite(value[key], f"{where}.{key}") for key in ("length", "width"))
     if states and not (0.0 < length < 100.0 and 0.0 < width < 100.0):
         raise Wrong(f"{where}: expected length and width up to 100 m, found {length} and {width}")
-    return Track(str(value["id"]), kind, length, width, states)
+    return Track(str(value.get("id", number)), kind, length, width, states)
 
 
 def heading(line: Sequence[Point], k: int) -> float:
@@ -146,7 +149,7 @@ def converted(path: Path, ego: str | None, degrees: bool) -> str:
     content = json_of(path)
     if not isinstance(content, dict) or not all(isinstance(content.get(key), list) for key in ("objects", "roads")):
         raise Wrong(f"{path}: expected the lists `objects` and `roads` of a scene of GPUDrive")
-    tracks = [track_of(one, f"{path}: objects[{k}]", degrees) for k, one in enumerate(content["objects"])]
+    tracks = [track_of(one, f"{path}: objects[{k}]", k, degrees) for k, one in enumerate(content["objects"])]
     if ego is None:
         metadata = content.get("metadata")
         index = metadata.get("sdc_track_index") if isinstance(metadata, dict) else None

@@ -1,5 +1,6 @@
 //! `swerve.Stack`: the stack in a foreign world, stepped from Python.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -14,7 +15,7 @@ use swerve_drive::trust::CodeArgs;
 use swerve_drive::{Line, Stack, StackOptions, scenario_on_map, story};
 use swerve_flow::{Event, Observer, cbor};
 use swerve_geom::Point2;
-use swerve_msg::{EgoState, ObstacleList};
+use swerve_msg::{EgoState, ObstacleList, Signal};
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::story::{Story, draw};
 use swerve_scenario::Scenario;
@@ -175,6 +176,11 @@ impl Guest {
         self.with(|stack| Ok(stack.streams().map(str::to_owned).collect()))
     }
 
+    /// Names of the scenario's traffic lights.
+    fn lights(&self) -> PyResult<Vec<String>> {
+        self.with(|stack| Ok(stack.scenario().road.lights.iter().map(|light| light.name.clone()).collect()))
+    }
+
     /// Feeds a message, as plain values.
     fn feed(&self, py: Python<'_>, stream: &str, message: &Bound<'_, PyAny>) -> PyResult<()> {
         let bytes = cbor(message)?;
@@ -201,6 +207,24 @@ impl Guest {
         let mut bytes = Vec::new();
         cbor::write(&ended, &mut bytes);
         read_cbor(py, &bytes)
+    }
+
+    /// Feeds signals of traffic lights by name, as plain values, with the ego.
+    fn feed_lights(
+        &self,
+        py: Python<'_>,
+        ego: &Bound<'_, PyAny>,
+        signals: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let (ego, signals) = (cbor(ego)?, cbor(signals)?);
+        py.detach(|| {
+            self.with(|stack| {
+                let ego: EgoState = cbor::read(&ego[..]).map_err(anyhow::Error::msg).context("ego")?;
+                let signals: BTreeMap<String, Signal> =
+                    cbor::read(&signals[..]).map_err(anyhow::Error::msg).context("signals")?;
+                stack.feed_lights(&ego, &signals)
+            })
+        })
     }
 
     /// Advances to an instant in seconds; returns the newest command, and the commands since the last advance.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import _swerve, messages
 from ._files import FileOrDict, checked_file, checked_names, checked_threads
-from .messages import Command, EgoState, EndReason, Obstacle, ObstacleList
+from .messages import Command, EgoState, EndReason, Obstacle, ObstacleList, Signal
 from .runs import Result
 from .streams import message_class, streams_of
 
@@ -147,6 +147,11 @@ class Stack:
         return self._guest.streams()
 
     @property
+    def lights(self) -> list[str]:
+        """Names of the traffic lights: of a scenario on a map those with phases; with `map.all_lights = true`, all."""
+        return self._guest.lights()
+
+    @property
     def now_s(self) -> float:
         """Instant that the stack was advanced to, seconds."""
         return self._now_s
@@ -188,6 +193,14 @@ class Stack:
         plain = ObstacleList(ego.stamp, list(obstacles)).to_plain()
         ended = self._guest.feed_scene(ego.to_plain(), plain)
         return None if ended is None else EndReason(ended)
+
+    def feed_lights(self, ego: EgoState, signals: Mapping[str, Signal]) -> None:
+        """Feeds signals of `lights`, by name, as they are at the ego's stamp. A stack that reads lights in images, or none,
+        ignores them.
+
+        Raises ValueError if there is no light of a name, or as `feed`.
+        """
+        self._guest.feed_lights(ego.to_plain(), {name: Signal(signal).value for name, signal in signals.items()})
 
     def advance_to(self, t_s: float) -> Command:
         """Advances to an instant in seconds; returns the newest command that is visible then. Before the first command all its

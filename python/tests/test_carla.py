@@ -11,11 +11,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from swerve.messages import ActorKind, Command
+from swerve.messages import ActorKind, Command, Signal
 
 ROOT = Path(__file__).resolve().parents[2]
 CARLA = ROOT / "examples/carla"
@@ -198,6 +199,9 @@ for waypoint in town.generate_waypoints(2.0):
         places.append(abs(place.d_m))
         turns.append(abs(carla_frames.wrapped(heading_rad - pose.heading_rad)))
 control = carla.VehicleControl(*carla_frames.Steering().control(swerve.messages.Command(0.1, 0.25, 0.5), 0.0))
+signals = [carla_frames.signal(getattr(carla.TrafficLightState, name)) for name in ("Green", "Yellow", "Red", "Off", "Unknown")]
+assert [signal and signal.value for signal in signals] == ["green", "yellow", "red", "off", None]
+assert hasattr(carla.TrafficLight, "get_opendrive_id") and hasattr(carla.TrafficLight, "get_state")
 assert (control.throttle, control.brake) == (0.25, 0.5) and abs(control.steer + 0.1 / math.radians(70)) < 1e-6
 print(len(fixes), max(fixes), len(places), max(places), math.degrees(max(turns)))
 """
@@ -292,6 +296,97 @@ def test_the_stand_in_reports_a_collision_once(here: Modules, monkeypatch: pytes
     assert [hit.other_actor for hit in hits] == [other]
     with pytest.raises(RuntimeError, match="Spawn failed"):
         here.car(world, here.at(320.0, -200.5))
+
+
+def test_state_of_a_light_is_a_signal(here: Modules) -> None:
+    state, signal = here.carla.TrafficLightState, here.frames.signal
+    known = [signal(each) for each in (state.Green, state.Yellow, state.Red, state.Off, state.Unknown)]
+    assert known == [Signal.GREEN, Signal.YELLOW, Signal.RED, Signal.OFF, None]
+
+
+LIGHT_WAY, LIGHT, LINE_Y = ("15", "37"), "light_c1_south", -280.5
+"""Spawn points in `town` from the south to the north over a crossing, its light, and its stop line (y of CARLA)."""
+
+
+def set_lights(here: Modules, world: Any, is_red: bool) -> None:
+    """All lights of the town but the one on the way are red at first, then green."""
+    for light in world.lights():
+        red = is_red == (light.get_opendrive_id() == LIGHT)
+        light.set_state(here.carla.TrafficLightState.Red if red else here.carla.TrafficLightState.Green)
+
+
+def front_y(car: Any) -> float:
+    return float(car.get_transform().beside(car.bounding_box.extent.x, 0.0).y)
+
+
+def carlas_layout(folder: Path) -> Path:
+    """A copy of `town` as CARLA's own maps have signals: without stop lines, each for the lanes of its references on the roads of
+    the junction, 0.62 m behind their begin."""
+    tree = ElementTree.parse(maps("town") / "town.xodr")
+    connecting = [road for road in tree.iter("road") if road.attrib["junction"] != "-1"]
+    for road in [road for road in tree.iter("road") if road.attrib["junction"] == "-1"]:
+        for signals in road.findall("signals"):
+            for signal in signals.findall("signal"):
+                if signal.attrib["type"] in ("294", "341"):
+                    signals.remove(signal)
+                    continue
+                for child in list(signal):
+                    signal.remove(child)
+                ElementTree.SubElement(signal, "validity", fromLane="0", toLane="0")
+                end = {"elementId": road.attrib["id"], "contactPoint": "end" if signal.attrib["orientation"] == "+" else "start"}
+                for after in connecting:
+                    before = after.find("link/predecessor")
+                    if before is None or any(before.attrib[key] != value for key, value in end.items()):
+                        continue
+                    of = after.find("signals")
+                    of = ElementTree.SubElement(after, "signals") if of is None else of
+                    at = {"id": signal.attrib["id"], "s": "0.62", "t": "0", "orientation": "+"}
+                    reference = ElementTree.SubElement(of, "signalReference", at)
+                    ElementTree.SubElement(reference, "validity", fromLane="-4", toLane="-1")
+    tree.write(folder / "town.xodr")
+    return folder
+
+
+@pytest.mark.parametrize(("layout", "line_y"), [("town", LINE_Y), ("carla", LINE_Y - 6.12)])
+def test_driver_waits_at_a_red_light_and_goes_at_green(
+    here: Modules, monkeypatch: pytest.MonkeyPatch, capsys: Any, layout: str, line_y: float, tmp_path: Path
+) -> None:
+    if layout == "carla":
+        monkeypatch.setitem(MAPS, "town", carlas_layout(tmp_path))
+    fronts: list[float] = []
+    tick = here.carla.World.tick
+
+    def switched(world: Any) -> Any:
+        set_lights(here, world, len(fronts) < 600)
+        if world.vehicles():
+            fronts.append(front_y(world.vehicles()[0]))
+        return tick(world)
+
+    monkeypatch.setattr(here.carla.World, "tick", switched)
+    words = ("--spawn", LIGHT_WAY[0], "--goal", LIGHT_WAY[1], "--seconds", "42")
+    said, _, _ = driven(here, monkeypatch, capsys, "town", *words)
+    assert " 0 collisions" in said
+    # It waits before the line, as -y is to the north.
+    assert line_y < min(fronts[:600]) < line_y + 5.0, min(fronts[:600])
+    assert min(fronts) < line_y - 15.0, min(fronts)
+
+
+def test_driver_stops_at_a_stop_sign_of_the_map(here: Modules, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    passed: list[tuple[float, float, float]] = []
+    tick = here.carla.World.tick
+
+    def watched(world: Any) -> Any:
+        for car in world.vehicles():
+            front = car.get_transform().beside(car.bounding_box.extent.x, 0.0)
+            passed.append((front.x, front.y, car.speed_mps))
+        return tick(world)
+
+    monkeypatch.setattr(here.carla.World, "tick", watched)
+    # To the west, with the line at x = 11.5 m; behind it to the right.
+    driven(here, monkeypatch, capsys, "town", "--spawn", "6", "--goal", "33", "--seconds", "40")
+    before = [x for x, _, speed_mps in passed[100:] if speed_mps < 0.05]
+    assert before and 11.5 < min(before) < 14.5, before[:1]
+    assert passed[-1][1] < -160.0, passed[-1]
 
 
 def lane_margin_m(here: Modules, world: Any, car: Any) -> float:
@@ -405,6 +500,17 @@ def test_agent_drives_a_thousand_steps_in_its_lane(here: Modules, monkeypatch: p
     assert drive.agent.stack is None
 
 
+def test_agent_waits_at_a_red_light_in_its_images_and_goes_at_green(here: Modules, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Drive(here, monkeypatch, "town", [int(each) for each in LIGHT_WAY])
+    wrapper, fronts = here.evaluation.Wrapper(drive.world, drive.car, drive.agent), []
+    for k in range(650):
+        set_lights(here, drive.world, k < 450)
+        wrapper.run(1, drive.look)
+        fronts.append(front_y(drive.car))
+    assert not drive.collisions and LINE_Y < min(fronts[:450]) < LINE_Y + 5.0, min(fronts[:450])
+    assert fronts[-1] < LINE_Y - 10.0, fronts[-1]
+
+
 def test_agent_avoids_a_car_that_its_lidar_sees(here: Modules, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = Drive(here, monkeypatch, "town", [0, 9])
     start = drive.car.get_transform()
@@ -439,7 +545,7 @@ def test_sensors_are_those_that_the_configuration_reads(here: Modules, monkeypat
     assert [each["id"] for each in drive.agent.sensors()] == ["front", "imu", "gnss", "speed", "map"]
     drive.run(12)
     assert drive.agent.stack.newest("front.rgb").width_px == 800
-    assert [each["id"] for each in Drive(here, monkeypatch, "town", [0, 9]).agent.sensors()][0] == "roof"
+    assert [each["id"] for each in Drive(here, monkeypatch, "town", [0, 9]).agent.sensors()][:2] == ["signals", "roof"]
 
 
 def test_agent_of_version_1_is_set_up_by_its_constructor(here: Modules) -> None:
@@ -470,5 +576,5 @@ def test_sensors_are_placed_from_the_middle_of_the_car_with_y_to_the_right(
     at = car.add("sensor.camera.rgb", place_m, {}).get_transform().location
     assert close((at.x, at.y, at.z), (300.5, -200.4, 2.0))
     monkeypatch.setattr(here.agent, "LIDAR", here.frames.Lidar(at_m=place_m))
-    roof = here.agent.SwerveAgent("lidar_objects").sensors()[0]
+    [roof] = [each for each in here.agent.SwerveAgent("lidar_objects").sensors() if each["id"] == "roof"]
     assert close((roof["x"], roof["y"], roof["z"]), (0.5, -0.4, 2.0))

@@ -170,11 +170,16 @@ def test_converted_drive_has_the_recorded_places_and_is_driven_to_the_goal(
     assert "solution.xml: valid" in driven.stdout + driven.stderr, driven
 
 
-def test_degrees_of_older_scenes_are_asked_for_and_read(tmp_path: Path) -> None:
-    (tmp_path / "old.json").write_text(json.dumps(scene(degrees=True)))
+def test_older_scenes_have_degrees_and_places_in_the_list_for_ids(tmp_path: Path) -> None:
+    old = scene(degrees=True)
+    for each in old["objects"]:
+        del each["id"]
+    del old["metadata"]
+    (tmp_path / "old.json").write_text(json.dumps(old))
     arguments = ["gpudrive", tmp_path / "old.json", tmp_path / "out.xml"]
     assert "expected radians" in converted(*arguments).stderr
-    assert converted(*arguments, "--degrees", "--ego", "301").returncode == 0
+    assert "see `--ego`" in converted(*arguments, "--degrees").stderr
+    assert converted(*arguments, "--degrees", "--ego", "0").returncode == 0
     initial = ElementTree.parse(tmp_path / "out.xml").getroot().find("planningProblem/initialState")
     assert initial is not None and number(initial, "orientation/exact") == pytest.approx(TURN_RAD)
 

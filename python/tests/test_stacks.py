@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import swerve
-from swerve.messages import ActorKind, EgoState, Extent, Imu, Obstacle, ObstacleList, Pose2, Vector2
+from swerve.messages import ActorKind, EgoState, Extent, Imu, Obstacle, ObstacleList, Pose2, Signal, Vector2
 
 STEP_NS = 50_000_000
 ROUTE = [(0.0, 0.0), (100.0, 0.0)]
@@ -155,3 +155,36 @@ def test_way_over_a_map_and_road_of_a_scenario() -> None:
     assert on_map.until_s == 3600.0
     street = swerve.Stack(scenario="street")
     assert street.until_s < 3600.0
+
+
+def test_lights_of_a_map_are_those_that_the_world_feeds() -> None:
+    file = Path(__file__).resolve().parents[2] / "scenarios/maps/crossing.xodr"
+    # From the south to the north; the stop line is 2 m before the crossing.
+    ends = {"start": {"x_m": 1.75, "y_m": -90.0}, "goal": {"x_m": 1.75, "y_m": 90.0}, "target_speed_mps": 8.0}
+    scenario = {"name": "crossing", "map": {"file": str(file), "all_lights": True}, "ego": ends, "end": {"timeout_s": 60.0}}
+
+    def driven(red_s: float) -> list[float]:
+        """Places of the rear axle along the way, of a car whose light is red at first."""
+        places, speed_mps = [-90.0], 8.0
+        with swerve.Stack(scenario=scenario) as stack:
+            assert sorted(stack.lights) == ["light_east", "light_north", "light_south", "light_west"]
+            for k in range(560):
+                at = EgoState(k * STEP_NS, Pose2(1.75, places[-1], math.pi / 2), speed_mps, 0.0, 0.0, 0.0, 0.0)
+                own = Signal.RED if 0.05 * k < red_s else Signal.GREEN
+                stack.feed_lights(at, {"light_south": own, "light_east": Signal.RED})
+                stack.feed_scene(at, [])
+                command = stack.advance_to(k * 0.05)
+                speed_mps = max(0.0, speed_mps + 0.05 * (3.0 * command.throttle - 8.0 * command.brake))
+                places.append(places[-1] + 0.05 * speed_mps)
+            [light] = stack.newest("lights").lights
+            assert light.name == "light_south" and light.stop_s_m is not None
+            with pytest.raises(ValueError, match="unknown light `light_west_`: the scenario has 4 lights; did you mean `light_west`"):
+                stack.feed_lights(at, {"light_west_": Signal.RED})
+        return places
+
+    waits, passes = driven(20.0), driven(0.0)
+    assert max(waits[:400]) < -15.0 and waits[395] - waits[370] < 0.1, (max(waits[:400]), waits[395] - waits[370])
+    assert waits[-1] > 0.0 and passes[400] > 0.0
+    with swerve.Stack(route=ROUTE) as stack:
+        assert stack.lights == []
+        stack.feed_lights(ego(0), {})

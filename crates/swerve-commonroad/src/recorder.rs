@@ -141,6 +141,33 @@ mod tests {
     use super::*;
     use crate::check;
 
+    /// The official reader takes the yaw rate of the start from files with its acceleration only.
+    #[test]
+    fn yaw_rate_of_the_start_counts_beside_its_acceleration() {
+        let text = include_str!("read/tests/small.xml");
+        let (rate, accel) =
+            ("<yawRate><exact>0</exact></yawRate>", "<acceleration><exact>0</exact></acceleration>");
+        let turning = text.replacen(rate, "<yawRate><exact>-0.2</exact></yawRate>", 1);
+        let with_accel = text.replacen(rate, &format!("{accel}<yawRate><exact>-0.2</exact></yawRate>"), 1);
+        for (text, model, is_valid) in
+            [(&turning, Model::St, true), (&with_accel, Model::St, false), (&with_accel, Model::Ks, true)]
+        {
+            let mut recorder = Recorder::new(Scenario::read("small.xml", text).unwrap());
+            let back_m = VehicleKind::Bmw320i.vehicle().rear_m;
+            for k in 0..30_u32 {
+                recorder.push(&Ego {
+                    pose: Pose2::new(20.0 - back_m + f64::from(k), 1.5, 0.0),
+                    velocity_mps: Vector2::new(10.0, 0.0),
+                    yaw_rate_radps: 0.0,
+                    steering_rad: 0.0,
+                });
+            }
+            let verdict = check(recorder.scenario(), &recorder.solution(model).unwrap());
+            assert_eq!(verdict.is_valid(), is_valid, "{model:?} {verdict}");
+            assert!(is_valid || verdict.to_string().contains("yaw rate"), "{verdict}");
+        }
+    }
+
     /// A drive straight on, and one that ends before the goal's time.
     #[test]
     fn recorded_drive_is_a_valid_solution_up_to_the_goal() {

@@ -11,6 +11,7 @@
 mod commands;
 mod facts;
 mod inputs;
+mod lights;
 mod line;
 mod scene;
 

@@ -31,13 +31,17 @@ pub struct Params {
     pub top_m: f64,
     /// Detection range, metres.
     pub within_m: f64,
+    /// Largest distance of a head from its place on the map, across the line of sight and in height, metres; 0: heads
+    /// are at their places. Above 0, heads are searched, as without a map, and the nearest one belongs to the place.
+    pub search_m: f64,
     /// Filtering of the state over frames.
     pub light: LightSettings,
 }
 
 impl Default for Params {
     fn default() -> Self {
-        Self { head_m: [0.34, 1.0], top_m: 3.4, within_m: 60.0, light: LightSettings::default() }
+        let light = LightSettings::default();
+        Self { head_m: [0.34, 1.0], top_m: 3.4, within_m: 60.0, search_m: 0.0, light }
     }
 }
 
@@ -50,6 +54,7 @@ impl Params {
             ("head_m", height_m, [0.05, 5.0]),
             ("top_m", self.top_m, [height_m, 20.0]),
             ("within_m", self.within_m, [1.0, 200.0]),
+            ("search_m", self.search_m, [0.0, 30.0]),
             ("confirm_frames", f64::from(self.light.confirm_frames), [1.0, 1000.0]),
             ("forget_frames", f64::from(self.light.forget_frames), [1.0, 1000.0]),
         ];
@@ -66,6 +71,8 @@ impl Params {
 const DEEP_M: f64 = 0.2;
 /// Smallest height of a head in the image, pixels.
 const ROWS_MIN_PX: f64 = 6.0;
+/// Range of the height of a head that is searched, relative to that of a head at its place.
+const TALL: [f64; 2] = [0.5, 2.0];
 
 /// Reports the states of traffic lights, image by image.
 #[derive(Clone, Debug)]
@@ -111,9 +118,18 @@ impl LightWatch {
 
     fn look_at_places(&mut self, rgb: Rgb<'_>, shot: &Shot<'_>, out: &mut TrafficLights) {
         let camera = camera(shot.image, shot.pitch_rad);
+        let searches = self.params.search_m > 0.0;
+        if searches {
+            self.heads.clear();
+            self.finder.find(rgb, &mut self.heads);
+        }
         for (place, light) in self.places.iter().zip(&mut self.lights) {
-            let image_px = self.params.picture(&camera, shot.ego, place);
-            let seen = image_px.and_then(|edges| self.looker.lit(rgb, edges));
+            let (image_px, seen) = if searches {
+                self.params.nearest(&camera, shot.ego, place, &self.heads)
+            } else {
+                let image_px = self.params.picture(&camera, shot.ego, place);
+                (image_px, image_px.and_then(|edges| self.looker.lit(rgb, edges)))
+            };
             let shown = light.see(seen.map(|(lamp, _)| lamp));
             let Some(image_px) = image_px else { continue };
             out.lights.push(TrafficLight {
@@ -164,6 +180,42 @@ impl LightWatch {
 }
 
 impl Params {
+    /// Edges of the head nearest to a place in the image, with its lamp and score; without such a head, the edges of the
+    /// part of the image in which it is searched. `None` if that is outside the image or too far away.
+    fn nearest(
+        &self,
+        camera: &ImageCamera,
+        ego: Pose2,
+        place: &LightPlace,
+        heads: &[Head],
+    ) -> (Option<[f64; 4]>, Option<(Lamp, f64)>) {
+        let far_m = ego.point().distance(place.pose.point());
+        let at: Point2<Ego> = ego.to_local(place.pose.point());
+        if far_m.is_nan() || far_m > self.within_m {
+            return (None, None);
+        }
+        let middle_m = self.top_m - 0.5 * self.head_m[1];
+        let part = |half_m: f64| {
+            let extent = Extent { length_m: DEEP_M, width_m: 2.0 * half_m, height_m: 2.0 * half_m };
+            // A head that is searched may face any way: the part of the image is across the line of sight.
+            camera.image_px(Pose2::new(at.x_m, at.y_m, 0.0), middle_m - half_m, extent)
+        };
+        let Some(around) = part(self.search_m) else { return (None, None) };
+        let expected_px = camera.info.intrinsics.fy_px * self.head_m[1] / far_m.max(1.0);
+        let center = middle(part(0.01).unwrap_or(around));
+        let may_be = |head: &&Head| {
+            let (at, height_px) = (middle(head.edges_px), head.edges_px[3] - head.edges_px[1]);
+            let is_around =
+                (around[0]..=around[2]).contains(&at.x_m) && (around[1]..=around[3]).contains(&at.y_m);
+            let [least, most] = TALL.map(|share| share * expected_px);
+            is_around && height_px >= ROWS_MIN_PX && (least..=most).contains(&height_px)
+        };
+        let off_px = |head: &Head| middle(head.edges_px).distance(center);
+        let found = heads.iter().filter(may_be).min_by(|a, b| off_px(a).total_cmp(&off_px(b)));
+        let seen = found.map(|head| (head.lamp, head.score));
+        (Some(found.map_or(around, |head| head.edges_px)), seen)
+    }
+
     /// Left, top, right and bottom edge of a light's head in an image; `None` if it is too far away, too small,
     /// clipped, or seen from behind.
     fn picture(&self, camera: &ImageCamera, ego: Pose2, place: &LightPlace) -> Option<[f64; 4]> {

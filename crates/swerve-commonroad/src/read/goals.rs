@@ -33,11 +33,15 @@ pub(crate) fn problems(
 
 fn problem(xml: &mut Reader, at: Element<'_>, lanelets: &BTreeMap<u32, Lanelet>) -> Option<PlanningProblem> {
     let id = xml.identity(at, "id")?;
-    let initial = xml.child(at, "initialState")?;
+    let start = xml.child(at, "initialState")?;
     for name in ["orientation", "velocity"] {
-        xml.child(initial, name);
+        xml.child(start, name);
     }
-    let initial = motion::state(xml, initial);
+    let mut initial = motion::state(xml, start);
+    if child(start, "acceleration").is_none() {
+        // As the official reader (`commonroad-io` 2024.3): it reads these fields last, and none after one that is missing.
+        (initial.yaw_rate_radps, initial.slip_rad) = (0.0, 0.0);
+    }
     let goals: Vec<Goal> = all(at, "goalState").take(GOALS_MAX).map(|at| goal(xml, at, lanelets)).collect();
     if goals.is_empty() {
         xml.fault(at, || "expected at least one `goalState`, found none".to_owned());

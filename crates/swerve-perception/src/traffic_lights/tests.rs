@@ -68,6 +68,40 @@ fn watch_reports_lights_with_and_without_a_map() {
 }
 
 #[test]
+fn watch_searches_heads_around_their_places_on_the_map() {
+    // The map has the mast, 3 m to the right of the head and 5 m before it, turned in any direction.
+    let params = Params { search_m: 5.0, ..Params::default() };
+    let red = image([30.0, -3.0], Some(Lamp::Red));
+    let found = |there: LightPlace| look(&mut LightWatch::new(params, vec![there]), &red);
+    for heading_rad in [0.0, 2.3, 3.1] {
+        let seen = found(place(25.0, -6.0, heading_rad));
+        assert_eq!(
+            (seen.len(), seen[0].seen, seen[0].stop_s_m),
+            (1, Some(Signal::Red), Some(23.0)),
+            "{seen:?}"
+        );
+        assert!(seen[0].score > 0.7 && seen[0].name.as_deref() == Some("crossing"), "{seen:?}");
+    }
+    // At its place alone there is none.
+    let exact = look(&mut LightWatch::new(Params::default(), vec![place(25.0, -6.0, 0.0)]), &red);
+    assert_eq!(exact[0].seen, None);
+    for (reason, there) in [
+        ("more than 5 m beside it", place(25.0, -9.0, 0.0)),
+        ("so near that its head would be taller", place(8.0, -1.0, 0.0)),
+    ] {
+        let seen = found(there);
+        assert!(seen.iter().all(|light| light.seen.is_none()), "{reason}: {seen:?}");
+    }
+    for (reason, there) in [("behind", place(-25.0, -3.0, 0.0)), ("far", place(61.0, -3.0, 0.0))] {
+        assert_eq!(found(there), [], "{reason}");
+    }
+    assert_eq!(
+        look(&mut LightWatch::new(params, vec![place(30.0, -3.0, 0.0)]), &image([30.0, -3.0], None))[0].seen,
+        None
+    );
+}
+
+#[test]
 fn watch_omits_distant_clipped_and_averted_lights_and_reports_dark_ones_as_unknown() {
     let red = image([25.0, -3.0], Some(Lamp::Red));
     for (what, there) in [
@@ -121,7 +155,12 @@ fn watch_rejects_unsupported_images() {
 #[test]
 fn problems_lists_settings_out_of_range() {
     assert_eq!(Params::default().problems(), []);
-    let wrong = Params { top_m: 0.5, within_m: f64::NAN, ..Params::default() };
+    let wrong = Params { top_m: 0.5, within_m: f64::NAN, search_m: -1.0, ..Params::default() };
     let told: Vec<String> = wrong.problems().into_iter().map(|(key, why)| format!("{key}: {why}")).collect();
-    assert_eq!(told, ["top_m: expected 1 to 20, found 0.5", "within_m: expected 1 to 200, found NaN"]);
+    let expected = [
+        "top_m: expected 1 to 20, found 0.5",
+        "within_m: expected 1 to 200, found NaN",
+        "search_m: expected 0 to 30, found -1",
+    ];
+    assert_eq!(told, expected);
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_map::router::{self, Stop};
-use swerve_map::{Map, Signal};
+use swerve_map::{Aspect, Map, Signal, SignalPhase};
 use swerve_map_io::{FILE_MAX, MapFile};
 use swerve_msg::Route;
 use swerve_text::{Range, TableReader, nearest, read_bytes, unpacked};
@@ -33,6 +33,8 @@ pub(super) struct Loaded {
     pub(super) file: Arc<MapFile>,
     pub(super) friction: f64,
     lights: Vec<(Vec<String>, SignalProgram)>,
+    /// True if signals without phases are lights too.
+    all_lights: bool,
     closures: Vec<Closure>,
     /// Time of the programs of the file at the start of the run, seconds.
     starts_s: f64,
@@ -55,6 +57,7 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&MapText>, starts_s: f64
     let friction = table.number_or("friction", 0.9, FRICTION);
     let tables = table.tables("light", |_| None);
     let lights: Vec<_> = tables.iter().map(light).collect();
+    let all_lights = table.truth_if_any("all_lights").unwrap_or(false);
     let closed = table.tables("closure", |_| None);
     table.finish();
     if name.is_empty() {
@@ -68,7 +71,8 @@ pub(super) fn read(top: &TableReader<'_>, given: Option<&MapText>, starts_s: f64
     match file {
         Ok((file, text)) => {
             check_lights(&tables, &lights, &file.map);
-            let mut loaded = Loaded { name, text, file, friction, lights, closures: Vec::new(), starts_s };
+            let closures = Vec::new();
+            let mut loaded = Loaded { name, text, file, friction, lights, all_lights, closures, starts_s };
             loaded.closures = closed.iter().filter_map(|table| loaded.closure(table)).collect();
             Some(loaded)
         }
@@ -106,10 +110,7 @@ fn check_lights(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgra
     let named = |name: &str| -> Vec<&Signal> {
         map.signals().iter().filter(|signal| is_named(signal, name)).collect()
     };
-    let acts = |signal: &Signal| {
-        let has_line = || map.stop_lines().iter().any(|line| line.signals.contains(&signal.id));
-        !signal.lanes.is_empty() || has_line()
-    };
+    let acts = |signal: &Signal| acts(signal, map);
     let mut given = BTreeMap::new();
     for (k, (table, (names, _))) in tables.iter().zip(lights).enumerate() {
         let (key, of) = match table.has("controller") {
@@ -140,6 +141,17 @@ fn check_lights(tables: &[TableReader<'_>], lights: &[(Vec<String>, SignalProgra
             given.entry(signal.id).or_insert(k);
         }
     }
+}
+
+/// Program of a light that is off.
+fn off() -> SignalProgram {
+    SignalProgram { phases: vec![SignalPhase { aspect: Aspect::Off, duration_s: 1.0 }], offset_s: 0.0 }
+}
+
+/// True for a signal that the traffic of a lane obeys.
+fn acts(signal: &Signal, map: &Map) -> bool {
+    let has_line = || map.stop_lines().iter().any(|line| line.signals.contains(&signal.id));
+    !signal.lanes.is_empty() || has_line()
 }
 
 fn is_named(signal: &Signal, name: &str) -> bool {
@@ -257,17 +269,19 @@ impl Loaded {
         Some((ego, Road { course, friction: self.friction, lights }))
     }
 
-    /// Traffic lights of the map that have phases: those of the scenario, else those of the file. Lights that the ego
-    /// obeys have the stop line on its route.
+    /// Traffic lights of the map that have phases: those of the scenario, else those of the file. With `all_lights`,
+    /// the others are lights that are off. Lights that the ego obeys have the stop line on its route.
     fn lights(&self, route: &Route) -> Vec<TrafficLight> {
         let map = &self.file.map;
         let phased = |signal: &Signal| {
             let named = |(names, _): &&(Vec<String>, _)| names.iter().any(|name| is_named(signal, name));
             let given = self.lights.iter().find(named).map(|(_, program)| program.clone());
-            given.or_else(|| {
+            let of_file = || {
                 let program = signal.program.clone()?;
                 Some(SignalProgram { offset_s: program.offset_s + self.starts_s, ..program })
-            })
+            };
+            let dark = || (self.all_lights && acts(signal, map)).then(off);
+            given.or_else(of_file).or_else(dark)
         };
         let signals = map.signals().iter().filter_map(|signal| Some((signal, phased(signal)?)));
         let light = |(signal, program): (&Signal, SignalProgram)| TrafficLight {

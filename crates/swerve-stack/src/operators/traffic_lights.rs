@@ -42,22 +42,23 @@ pub(super) struct Table {
     head_m: [f64; 2],
     top_m: f64,
     within_m: f64,
+    search_m: f64,
     confirm_frames: u32,
     forget_frames: u32,
 }
 
 impl Default for Table {
     fn default() -> Self {
-        let Params { head_m, top_m, within_m, light } = Params::default();
+        let Params { head_m, top_m, within_m, search_m, light } = Params::default();
         let LightSettings { confirm_frames, forget_frames } = light;
-        Self { truth: false, map: true, head_m, top_m, within_m, confirm_frames, forget_frames }
+        Self { truth: false, map: true, head_m, top_m, within_m, search_m, confirm_frames, forget_frames }
     }
 }
 
 impl Table {
     fn params(&self) -> Params {
-        let Self { head_m, top_m, within_m, confirm_frames, forget_frames, .. } = *self;
-        Params { head_m, top_m, within_m, light: LightSettings { confirm_frames, forget_frames } }
+        let Self { head_m, top_m, within_m, search_m, confirm_frames, forget_frames, .. } = *self;
+        Params { head_m, top_m, within_m, search_m, light: LightSettings { confirm_frames, forget_frames } }
     }
 }
 

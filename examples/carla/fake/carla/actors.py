@@ -7,7 +7,16 @@ from copy import deepcopy
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
-from .values import BoundingBox, Location, Rotation, Transform, Vector3D, VehicleControl, VehiclePhysicsControl
+from .values import (
+    BoundingBox,
+    Location,
+    Rotation,
+    TrafficLightState,
+    Transform,
+    Vector3D,
+    VehicleControl,
+    VehiclePhysicsControl,
+)
 
 if TYPE_CHECKING:
     from .world import World
@@ -126,6 +135,24 @@ class Vehicle(Actor):
     def corners(self) -> list[Location]:
         x, y = self.bounding_box.extent.x, self.bounding_box.extent.y
         return [self._transform.beside(a * x, b * y) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+
+
+class TrafficLight(Actor):
+    """A mast at the place of a signal of the map, with the direction of the traffic that it is for. It is green until
+    `set_state`; of the head, see the camera."""
+
+    def __init__(self, world: World, id: int, signal: str, transform: Transform) -> None:
+        super().__init__(world, id, ActorBlueprint("traffic.traffic_light"), transform)
+        self._signal, self._state = signal, TrafficLightState.Green
+
+    def get_opendrive_id(self) -> str:
+        return self._signal
+
+    def get_state(self) -> TrafficLightState:
+        return self._state
+
+    def set_state(self, state: TrafficLightState) -> None:
+        self._state = state
 
 
 class ActorList(list[Actor]):

@@ -34,6 +34,18 @@ def _any_way(opendrive: str) -> dict[str, dict[str, object]]:
     raise RuntimeError("the map has no driving lane")
 
 
+def _place(road: ElementTree.Element, s_m: float, t_m: float) -> tuple[float, float, float]:
+    """Point beside the reference line of a road, in the axes of OpenDRIVE, and the line's heading, radians."""
+    piece = [each for each in road.iterfind("planView/geometry") if float(each.attrib["s"]) <= s_m][-1]
+    s, x, y, heading = (float(piece.attrib[key]) for key in ("s", "x", "y", "hdg"))
+    along, arc = s_m - s, piece.find("arc")
+    turn = along * float(arc.attrib["curvature"]) if arc is not None else 0.0
+    chord = along if turn == 0.0 else along * math.sin(turn / 2) / (turn / 2)
+    x, y = x + chord * math.cos(heading + turn / 2), y + chord * math.sin(heading + turn / 2)
+    heading += turn
+    return x - t_m * math.sin(heading), y + t_m * math.cos(heading), heading
+
+
 class Map:
     """A road network in OpenDRIVE, whose y axis is CARLA's turned round. `version` selects the projection of the latitude."""
 
@@ -58,6 +70,17 @@ class Map:
             heading = math.atan2(lane.y_m[k] - lane.y_m[k - 1], lane.x_m[k] - lane.x_m[k - 1])
             places.append(Transform(Location(float(x), -float(y), 0.0), Rotation(yaw=-math.degrees(heading))))
         return places
+
+    def signals(self) -> dict[str, Transform]:
+        """Places of the traffic lights by their identities, on roads of lines and arcs, with the direction of the traffic that
+        they are for."""
+        found = {}
+        for road in ElementTree.fromstring(self._text).iter("road"):
+            for signal in road.iterfind("signals/signal[@dynamic='yes']"):
+                x, y, heading = _place(road, float(signal.attrib["s"]), float(signal.attrib["t"]))
+                heading += math.pi if signal.attrib["orientation"] == "-" else 0.0
+                found[signal.attrib["id"]] = Transform(Location(x, -y, 0.0), Rotation(yaw=-math.degrees(heading)))
+        return found
 
     def transform_to_geolocation(self, location: Location) -> GeoLocation:
         """Up to 0.9.15 by the Mercator projection of a sphere; in 0.9.16 by the transverse one, mirrored."""

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .actors import Actor, ActorBlueprint, Vehicle
-from .values import Transform, Vector3D
+from .actors import Actor, ActorBlueprint, TrafficLight, Vehicle
+from .values import TrafficLightState, Transform, Vector3D
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,36 @@ class CollisionEvent(SensorData):
     actor: Actor
     other_actor: Actor
     normal_impulse: Vector3D
+
+
+HEAD_M, TOP_M, ASIDE_M = (0.52, 1.16), 5.2, -1.5
+"""Width and height of a traffic light's head, height of its top, and its place beside the mast, to the right."""
+LAMPS = {
+    TrafficLightState.Red: (1 / 6, (30, 40, 235)),
+    TrafficLightState.Yellow: (1 / 2, (30, 190, 240)),
+    TrafficLightState.Green: (5 / 6, (120, 230, 20)),
+}
+"""Place of a lamp from the top of the head, and its colour: blue, green, red."""
+
+
+def _draw(pixels: NDArray[np.uint8], focal_px: float, eye: Transform, light: TrafficLight) -> None:
+    """Draws the head of a light that faces the camera: a dark box with one lamp."""
+    mast = light.get_transform()
+    at, yaw = mast.beside(0.0, ASIDE_M), math.radians(eye.rotation.yaw)
+    dx, dy = at.x - eye.location.x, at.y - eye.location.y
+    ahead_m, right_m = dx * math.cos(yaw) + dy * math.sin(yaw), dy * math.cos(yaw) - dx * math.sin(yaw)
+    if not 1.0 < ahead_m < 100.0 or math.cos(math.radians(mast.rotation.yaw) - yaw) < 0.5:
+        return
+    x_m = (np.arange(pixels.shape[1]) + 0.5 - pixels.shape[1] / 2) * ahead_m / focal_px - right_m
+    down_m = (np.arange(pixels.shape[0]) + 0.5 - pixels.shape[0] / 2) * ahead_m / focal_px + TOP_M - eye.location.z
+    columns = np.flatnonzero(np.abs(x_m) < HEAD_M[0] / 2)
+    rows = np.flatnonzero((down_m >= 0.0) & (down_m < HEAD_M[1]))
+    head = np.ix_(rows, columns)
+    pixels[head] = (22, 27, 25, 255)
+    if light.get_state() in LAMPS:
+        place, colour = LAMPS[light.get_state()]
+        is_lit = np.hypot(x_m[columns][None, :], down_m[rows][:, None] - place * HEAD_M[1]) < 0.14
+        pixels[head] = np.where(is_lit[:, :, None], np.array((*colour, 255), np.uint8), pixels[head])
 
 
 class Sensor(Actor):
@@ -143,7 +173,7 @@ class Sensor(Actor):
         return LidarMeasurement(*head, channels, self._turn, rows.tobytes())
 
     def _camera(self, head: tuple[Any, Any, Any], _: float) -> Image:
-        """Blue sky, grey ground, and red columns where there is another actor."""
+        """Blue sky, grey ground, red columns where there is another vehicle, and the heads of traffic lights."""
         width, height = int(self.number("image_size_x", 800)), int(self.number("image_size_y", 600))
         fov = self.number("fov", 90.0)
         pixels = np.full((height, width, 4), (235, 160, 60, 255), np.uint8)
@@ -153,6 +183,9 @@ class Sensor(Actor):
         flat = Transform(head[2].location, head[2].rotation)
         flat.location.z = 0.5
         pixels[height * 2 // 5 : height * 3 // 5, self._cast(rays, flat) < 80.0] = (20, 20, 200, 255)
+        focal_px = width / (2 * math.tan(math.radians(fov) / 2))
+        for light in self._world.lights():
+            _draw(pixels, focal_px, head[2], light)
         return Image(*head, width, height, fov, pixels.tobytes())
 
     def _cast(self, rays: Array, eye: Transform) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 
 @dataclass
@@ -63,6 +64,17 @@ class VehicleControl:
     reverse: bool = False
     manual_gear_shift: bool = False
     gear: int = 0
+
+
+class TrafficLightState(Enum):
+    Red = 0
+    Yellow = 1
+    Green = 2
+    Off = 3
+    Unknown = 4
+
+    def __str__(self) -> str:
+        return self.name
 
 
 @dataclass

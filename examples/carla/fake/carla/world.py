@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 
-from .actors import CARS, Actor, ActorBlueprint, ActorList, BlueprintLibrary, Vehicle
+from .actors import CARS, Actor, ActorBlueprint, ActorList, BlueprintLibrary, TrafficLight, Vehicle
 from .maps import Map
 from .sensors import Sensor
 from .values import Timestamp, Transform, WorldSnapshot
@@ -27,6 +27,9 @@ class World:
         self._map, self._settings = map, WorldSettings()
         self._actors: list[Actor] = []
         self._frame, self._now_s, self._next = 1000, 17.0, 24
+        for signal, place in map.signals().items():
+            self._next += 1
+            self._actors.append(TrafficLight(self, self._next, signal, place))
 
     def get_map(self) -> Map:
         return self._map
@@ -46,6 +49,9 @@ class World:
 
     def vehicles(self) -> list[Vehicle]:
         return [actor for actor in self._actors if isinstance(actor, Vehicle)]
+
+    def lights(self) -> list[TrafficLight]:
+        return [actor for actor in self._actors if isinstance(actor, TrafficLight)]
 
     def spawn_actor(self, blueprint: ActorBlueprint, transform: Transform, attach_to: Actor | None = None) -> Actor:
         self._next += 1

@@ -95,6 +95,25 @@ fn lights_of_the_ego_have_their_stop_line_on_its_route() {
     assert_eq!(scenario.road.lights[0].signal(swerve_core::Time::ZERO), Shown::Red);
 }
 
+#[test]
+fn all_lights_of_a_map_may_be_lights_that_are_off() {
+    let lights = |rest: &str| {
+        let scenario = sound("crossing.xodr", &format!("{START}\n{GOAL}"), rest);
+        let shown = |light: &crate::TrafficLight| light.signal(swerve_core::Time::ZERO);
+        let lights = scenario.road.lights.iter();
+        lights.map(|light| (light.name.clone(), light.stop_s_m.is_some(), shown(light))).collect::<Vec<_>>()
+    };
+    assert_eq!(lights("all_lights = false"), []);
+    let all =
+        lights("all_lights = true\n[[map.light]]\nsignals = [\"light_east\"]\ngreen_s = 5.0\nred_s = 5.0");
+    let of = |name: &str| all.iter().find(|light| light.0 == name).map(|light| (light.1, light.2));
+    assert_eq!(of("light_east"), Some((false, Shown::Green)));
+    assert_eq!(of("light_south"), Some((true, Shown::Off)));
+    assert_eq!(all.len(), 4, "{all:?}");
+    let wrong = parsed("crossing.xodr", &format!("{START}\n{GOAL}"), "all_lights = 1").unwrap_err();
+    assert!(wrong.contains("map.all_lights"), "{wrong}");
+}
+
 /// A crossing of SUMO with a light, and a way over it.
 const NET: &str = "../../crates/swerve-map-io/maps/junction.net.xml";
 const OVER: &str = "start = { lane = \"in_2\", s_m = 20.0 }\ngoal = { lane = \"out_0\", s_m = 30.0 }";
