@@ -55,9 +55,8 @@ pub fn street_mask_of() -> [u8; 256] {
     struct Classes {
         class: Vec<PixelClass>,
     }
-    let text = include_str!("../../swerve-vision/segmentations/street.toml");
     let mut mask_of = [0; 256];
-    for class in &swerve_text::built_in::<Classes>(text).class {
+    for class in &swerve_text::built_in::<Classes>(swerve_vision::shipped::STREET_CLASSES).class {
         let mask = class.ids().next().unwrap_or_default();
         class.ids().for_each(|id| mask_of[usize::from(id)] = mask);
     }

@@ -29,6 +29,9 @@ pub const RUN_TIMES: &str = include_str!("../detectors/run_times.toml");
 /// Domains of the built-in models, as TOML: the conditions under which they were measured, and their figures there.
 pub const DOMAINS: &str = include_str!("../domains.toml");
 
+/// Classes of the built-in segmentation `street`, as TOML: its recipe.
+pub const STREET_CLASSES: &str = include_str!("../segmentations/street.toml");
+
 /// Names of the built-in segmentations.
 pub fn segmentations() -> impl Iterator<Item = &'static str> {
     SEGMENTATIONS.iter().map(|(name, _)| *name)
