@@ -174,6 +174,19 @@ fn configuration() -> Drive {
     Drive::load(&Registry::standard(), file, &[("live.enable".into(), "at_start".into())]).unwrap()
 }
 
+#[test]
+fn vehicle_that_only_observes_need_not_follow_commands() {
+    let ignored_after_s = |name: &str| {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
+        let file = folder.join(name).with_extension("toml");
+        let drive = Drive::load(&Registry::standard(), &file, &[]).unwrap();
+        let assembly = LiveGraph::build(&drive.config, &drive.scenario).unwrap().pipeline.assembly;
+        let gate = assembly.publisher::<GateOutput>().and_then(|gate| assembly.operator(gate));
+        gate.unwrap().resolved.gate.ignored_after_s
+    };
+    assert_eq!(["plain", "autoware", "dataspeed"].map(ignored_after_s), [0.0, 1.0, 1.0]);
+}
+
 /// Panics at this instant.
 struct Bomb(Time);
 
