@@ -124,6 +124,12 @@ class StopCause(str, Enum):
     """Localization reports that the pose is lost."""
     POSE_IMPLAUSIBLE = "pose_implausible"
     """The motion of the pose does not match the wheels."""
+    STEERING_DEVIATION = "steering_deviation"
+    """The reported steering angle does not follow the commands."""
+    ACCEL_DEVIATION = "accel_deviation"
+    """The reported speed does not follow the commanded acceleration or braking."""
+    SPEED_EXCESS = "speed_excess"
+    """The reported speed is above the permitted one."""
 
 
 class Refusal(str, Enum):

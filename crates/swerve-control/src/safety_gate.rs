@@ -8,7 +8,8 @@
 //!            rising edge of `enable`, all well
 //!   Manual ------------------------------------> Driving
 //!     ^                                             | no command for 0.5 s, no report for 0.5 s, `enable` released,
-//!     | driver takes over: from everywhere,         | pose lost, or moving otherwise than the wheels
+//!     | driver takes over: from everywhere,         | pose lost, or moving otherwise than the wheels,
+//!     |                                             | vehicle does not follow its commands
 //!     | latched until `enable` falls and rises      v
 //!     +------------------------------------- Stopping ----> Holding (standstill)
 //!                                                ^             |
@@ -26,6 +27,7 @@
 //!
 //! The gate is pure: the instant is an input.
 
+mod follow;
 mod params;
 mod pose_check;
 mod standstill;
@@ -40,6 +42,7 @@ use swerve_msg::{
 };
 use swerve_vehicle::{Pedals, VehicleParams, brake_for_decel, pedals_for_accel};
 
+use follow::FollowCheck;
 pub use params::GateParams;
 use pose_check::PoseCheck;
 use standstill::Standstill;
@@ -98,6 +101,7 @@ pub struct SafetyGate {
     standstill: Standstill,
     pose: PoseCheck,
     stop_path: Option<StopPath>,
+    follow: FollowCheck,
     /// Stamp of the latest quality with a pose that is not lost.
     pose_known: Time,
     /// Angle and acceleration of the last output.
@@ -126,6 +130,7 @@ impl SafetyGate {
             standstill: Standstill::default(),
             pose: PoseCheck::default(),
             stop_path: None,
+            follow: FollowCheck::default(),
             pose_known: Time::MIN,
             sent: None,
             enable_before: true,
@@ -162,6 +167,11 @@ impl SafetyGate {
         self.enable_before = input.enable;
         self.heartbeat = self.heartbeat.wrapping_add(1);
         let (command, limited) = self.output(now, dt_s);
+        if self.mode == GateMode::Driving {
+            self.follow.take_command(now, command.steering_rad, command.accel_mps2, &self.params);
+        } else {
+            self.follow.clear();
+        }
         let engaged = self.mode != GateMode::Manual;
         GateOutput {
             mode: self.mode,
@@ -228,6 +238,7 @@ impl SafetyGate {
             self.standstill.take(&report);
             let decel_mps2 = self.sent.map_or(0.0, |(_, accel_mps2)| -accel_mps2);
             self.pose.take_report(&report, decel_mps2, &self.params);
+            self.follow.take_report(&report, &self.params);
         }
     }
 
@@ -246,6 +257,7 @@ impl SafetyGate {
             () if !report => Some(StopCause::ReportTimeout),
             () if self.is_lost(input, now) => Some(StopCause::PoseLost),
             () if self.pose.is_implausible() => Some(StopCause::PoseImplausible),
+            () if self.follow.fault().is_some() => self.follow.fault(),
             () if !command => Some(StopCause::CommandTimeout),
             () if hangs => Some(StopCause::CommandFrozen),
             () => None,

@@ -7,11 +7,14 @@
 //!
 //! Pure: the instant is an input.
 
+use std::borrow::Cow;
+
 use swerve_core::{Span, Time};
 use swerve_msg::{GateMode, Switch};
 use swerve_stack::config::live::EnableBy;
 
 use super::intake::Request;
+use super::placement::Misplaced;
 
 /// Period of requests to the vehicle.
 const ASK_EVERY: Span = Span::from_ms(200);
@@ -35,17 +38,19 @@ pub struct Situation {
     pub driver: bool,
     /// Mode of the gate.
     pub mode: GateMode,
+    /// Reason in the car's pose for not taking it over.
+    pub misplaced: Option<Misplaced>,
 }
 
 /// Result of a step.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Action {
     /// Switch for the gate.
     pub switch: Switch,
     /// True to ask the vehicle to accept commands.
     pub ask: bool,
     /// Message for the user.
-    pub note: Option<&'static str>,
+    pub note: Option<Cow<'static, str>>,
 }
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -99,7 +104,7 @@ impl Engagement {
                 Request::Drive(false) => {
                     self.last_request = None;
                     if self.phase != Phase::Idle {
-                        note = Some("the switch was released");
+                        note = Some("the switch was released".into());
                     }
                     self.phase = Phase::Idle;
                 }
@@ -125,21 +130,28 @@ impl Engagement {
     }
 
     /// Handles a user action.
-    fn press(&mut self, at: &Situation) -> Option<&'static str> {
+    fn press(&mut self, at: &Situation) -> Option<Cow<'static, str>> {
         let drives = matches!(self.phase, Phase::On { .. }) && at.mode == GateMode::Driving;
         if drives || self.over {
             return None;
         }
         if !at.ready {
-            return Some("not all topics that are needed are there: the switch is off");
+            return Some("not all topics that are needed are there: the switch is off".into());
+        }
+        if let Some(misplaced) = at.misplaced {
+            return Some(refused(misplaced));
         }
         self.phase = Phase::Asking { since: at.now, asked: None };
-        Some("the vehicle is asked to accept commands")
+        Some("the vehicle is asked to accept commands".into())
     }
 
-    fn advance(&mut self, at: &Situation) -> (bool, Option<&'static str>) {
+    fn advance(&mut self, at: &Situation) -> (bool, Option<Cow<'static, str>>) {
         match self.phase {
             Phase::Idle => (false, None),
+            Phase::Asking { .. } if at.misplaced.is_some() => {
+                self.phase = Phase::Idle;
+                (false, at.misplaced.map(refused))
+            }
             Phase::Asking { since, .. } if at.now - since > self.timeout => {
                 self.phase = Phase::Idle;
                 let why = match (at.listens, at.driver) {
@@ -147,7 +159,7 @@ impl Engagement {
                     (_, true) => "the driver acts: the switch is off",
                     _ => "the gate does not take the switch: it is off",
                 };
-                (false, Some(why))
+                (false, Some(why.into()))
             }
             Phase::Asking { since, .. }
                 if at.now - since >= OFF_MIN && at.ready && !at.driver && at.listens != Some(false) =>
@@ -168,14 +180,14 @@ impl Engagement {
     }
 
     /// Monitors the gate while the switch is on.
-    fn watch(&mut self, at: &Situation, since: Time, asking_since: Time) -> Option<&'static str> {
+    fn watch(&mut self, at: &Situation, since: Time, asking_since: Time) -> Option<Cow<'static, str>> {
         if at.driver {
             self.phase = Phase::Idle;
-            return Some("the driver took over");
+            return Some("the driver took over".into());
         }
         if at.listens == Some(false) {
             self.phase = Phase::Idle;
-            return Some("the vehicle listens no longer: the switch is off");
+            return Some("the vehicle listens no longer: the switch is off".into());
         }
         if at.mode != GateMode::Manual {
             self.was_engaged |= at.mode == GateMode::Driving;
@@ -185,6 +197,11 @@ impl Engagement {
         }
         None
     }
+}
+
+/// Message about a car that is not taken over.
+fn refused(misplaced: Misplaced) -> Cow<'static, str> {
+    format!("{misplaced}: the switch is off").into()
 }
 
 #[cfg(test)]
@@ -204,6 +221,7 @@ mod tests {
                 listens: Some(false),
                 driver: true,
                 mode: GateMode::Manual,
+                misplaced: None,
             };
             Self { engagement: Engagement::new(by, Span::from_secs(5.0)), at }
         }
@@ -241,6 +259,30 @@ mod tests {
         assert!(!bench.run(1000, &[]).switch.enable, "it does not listen");
         (bench.at.listens, bench.at.driver) = (Some(true), false);
         assert!(bench.run(20, &[]).switch.enable);
+    }
+
+    #[test]
+    fn engagement_is_refused_while_the_car_is_off_its_route() {
+        let off = Some(Misplaced::Across { angle_deg: 90.0 });
+        let note = "the car heads 90 degrees off its route, more than 60: the switch is off";
+        let mut bench = Bench::new(EnableBy::Topic);
+        (bench.at.listens, bench.at.driver, bench.at.misplaced) = (Some(true), false, off);
+        let action = bench.run(20, &[Request::Drive(true)]);
+        assert_eq!((action.ask, action.note.as_deref()), (false, Some(note)));
+        // Its return is not a user action.
+        bench.at.misplaced = None;
+        assert!(!bench.run(3000, &[]).switch.enable);
+        assert!(bench.run(140, &[Request::Drive(true)]).switch.enable);
+        // While the stack drives, this is no condition.
+        bench.at.misplaced = off;
+        assert!(bench.run(1000, &[]).switch.enable);
+        // Its pose is known only after the request.
+        let mut late = Bench::new(EnableBy::Topic);
+        assert!(late.run(20, &[Request::Drive(true)]).ask);
+        (late.at.listens, late.at.driver, late.at.misplaced) = (Some(true), false, off);
+        let action = late.run(20, &[]);
+        assert_eq!((action.switch.enable, action.note.as_deref()), (false, Some(note)));
+        assert!(!late.run(1000, &[]).switch.enable);
     }
 
     #[test]

@@ -18,6 +18,8 @@ use super::graph::Inputs;
 pub use super::input::TopicState;
 use super::input::{Arrived, Input};
 use super::intake::{Intake, Request, TopicSummary};
+use super::placement::Misplaced;
+use super::reason::{mode_words, stop_reason};
 use super::shared::lock;
 use super::simulated::{ClockEvent, DriveClock};
 use super::sink::{Order, stop_takes};
@@ -120,6 +122,8 @@ pub struct FeedReport {
     pub was_ready: bool,
     /// Failure of simulated time that ended the drive.
     pub clock_failure: Option<String>,
+    /// Stops with the instant of their detection and their reason in words, in order.
+    pub reasons: Vec<(Time, StopCause, String)>,
 }
 
 /// State of ending the drive.
@@ -144,6 +148,7 @@ struct Memory {
     mode: GateMode,
     behind: bool,
     clock_failure: Option<String>,
+    reasons: Vec<(Time, StopCause, String)>,
 }
 
 impl<'a> Feed<'a> {
@@ -162,6 +167,7 @@ impl<'a> Feed<'a> {
             mode: GateMode::Manual,
             behind: false,
             clock_failure: None,
+            reasons: Vec::new(),
         };
         let mut early = Vec::new();
         while !self.flags.done.load(Ordering::Acquire) {
@@ -179,8 +185,8 @@ impl<'a> Feed<'a> {
             self.report(&mut memory);
         }
         let why = memory.end.map_or("the run ended by itself", |end| end.why);
-        let Memory { not_taken, was_ready, clock_failure, .. } = memory;
-        FeedReport { intake: self.intake, not_taken, why, was_ready, clock_failure }
+        let Memory { not_taken, was_ready, clock_failure, reasons, .. } = memory;
+        FeedReport { intake: self.intake, not_taken, why, was_ready, clock_failure, reasons }
     }
 
     /// Converts waiting messages. Returns those that have overtaken the message of simulated time, for the next round.
@@ -285,9 +291,11 @@ impl<'a> Feed<'a> {
             let car = lock(&car);
             (car.listens, car.driver())
         };
-        let mode = lock(&self.status).mode;
-        let action = self.engagement.step(&requests, &Situation { now, ready, listens, driver, mode });
-        if let Some(note) = action.note {
+        let DriveStatus { mode, pose, .. } = *lock(&self.status);
+        let misplaced = pose.and_then(|pose| Misplaced::of(&self.goal.route, pose));
+        let situation = Situation { now, ready, listens, driver, mode, misplaced };
+        let action = self.engagement.step(&requests, &situation);
+        if let Some(note) = &action.note {
             self.status_sink.note(now, note);
         }
         if action.ask {
@@ -295,8 +303,7 @@ impl<'a> Feed<'a> {
             let _ = self.orders.as_ref().map(|orders| orders.send(Order::Ask));
         }
         if mode != memory.mode {
-            self.status_sink.note(now, &mode_words(mode));
-            memory.mode = mode;
+            self.note_mode(mode, memory);
         }
         if memory.switch != Some(action.switch) {
             memory.switch = Some(action.switch);
@@ -305,6 +312,21 @@ impl<'a> Feed<'a> {
             let arrived = Arrived { at: stamp, stamp, input: Input::Switch(action.switch) };
             memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
         }
+    }
+
+    /// Reports a new mode of the gate, with the reason of a stop.
+    fn note_mode(&mut self, mode: GateMode, memory: &mut Memory) {
+        let now = self.clock.now();
+        let status = *lock(&self.status);
+        if let GateMode::Stopping(cause) = mode {
+            let end = memory.end.as_ref().map(|end| end.why);
+            let reason = stop_reason(cause, end, self.intake.tallies(), &status, now);
+            memory.reasons.push((now, cause, reason));
+        }
+        memory.mode = mode;
+        self.status_sink.note(now, &mode_words(mode, memory.reason(mode)));
+        // A line of progress from before the change would be misleading.
+        memory.reported = None;
     }
 
     fn look_for_the_end(&mut self, memory: &mut Memory) {
@@ -334,8 +356,8 @@ impl<'a> Feed<'a> {
 
     /// Returns true if the stack has driven to the goal.
     fn is_there(&self, mode: GateMode) -> bool {
-        let at = lock(&self.status).at.filter(|_| mode == GateMode::Driving);
-        at.is_some_and(|at| self.goal.route.project(at).s_m >= self.goal.s_m)
+        let pose = lock(&self.status).pose.filter(|_| mode == GateMode::Driving);
+        pose.is_some_and(|pose| self.goal.route.project(pose.point()).s_m >= self.goal.s_m)
     }
 
     fn report(&mut self, memory: &mut Memory) {
@@ -369,13 +391,23 @@ impl<'a> Feed<'a> {
         let mut line = format!(
             "{:6.1} s  {:5.2} m/s  {}  {alive} topics",
             now.as_secs(),
-            status.speed_mps,
-            mode_words(status.mode)
+            // Without the sign of a speed that rounds to zero.
+            (status.speed_mps * 100.0).round() / 100.0 + 0.0,
+            mode_words(status.mode, memory.reason(status.mode))
         );
         if !silent.is_empty() {
             line += &format!("  waiting for {}", listed(&silent));
         }
         self.status_sink.progress(&line);
+    }
+}
+
+impl Memory {
+    /// Reason of the stop in this mode, in words.
+    fn reason(&self, mode: GateMode) -> Option<&str> {
+        let (GateMode::Stopping(cause) | GateMode::Holding(cause)) = mode else { return None };
+        let (_, last, reason) = self.reasons.last()?;
+        (*last == cause).then_some(reason)
     }
 }
 
@@ -389,14 +421,4 @@ impl End {
 /// Comma-separated names of roles.
 pub(super) fn listed(roles: &[Role]) -> String {
     roles.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ")
-}
-
-/// Description of a mode.
-pub(super) fn mode_words(mode: GateMode) -> String {
-    match mode {
-        GateMode::Manual => "manual".into(),
-        GateMode::Driving => "driving".into(),
-        GateMode::Stopping(cause) => format!("stopping: {}", cause.words()),
-        GateMode::Holding(cause) => format!("holding: {}", cause.words()),
-    }
 }

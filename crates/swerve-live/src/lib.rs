@@ -8,7 +8,7 @@
 //! | [`vehicle`] | vehicle interfaces: reports and commands; one small trait for each |
 //! | [`graph`] | the graph, with sources instead of the simulated world |
 //! | [`wire`] | transport of messages: the bridge, or a substitute in tests |
-//! | [`feed`] | thread from the wire to the graph; operates the switch by [`engage`] |
+//! | [`feed`] | thread from the wire to the graph; operates the switch by [`engage`] and [`placement`] |
 //! | [`sink`] | thread from the gate to the wire; stops the car if the gate falls silent |
 //! | [`orphan`] | stop of a vehicle whose controlling program has died |
 //! | [`recorded`] | the same for a recorded drive, in virtual time |
@@ -30,6 +30,8 @@ pub mod input;
 pub mod intake;
 mod legacy;
 pub mod orphan;
+pub mod placement;
+mod reason;
 pub mod recorded;
 pub mod ros2;
 mod route;

@@ -35,6 +35,9 @@ const HOLD: Span = Span::from_ms(500);
 const RELEASES_MIN: u32 = 3;
 /// Maximum number of release messages, one per [`PERIOD`]: three seconds for the vehicle to report the release.
 const RELEASES_MAX: u32 = 150;
+/// Time after a request to accept commands for which commands are sent in manual mode: more than the period of requests,
+/// also while the gate is given an edge.
+const ASKED: Span = Span::from_ms(1000);
 /// Maximum time for the vehicle's service to answer.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
 
@@ -103,6 +106,8 @@ struct State {
     heard_host: Time,
     /// Start of a stop by the sink.
     stopping: Option<Time>,
+    /// Latest request to the vehicle to accept commands.
+    asked: Option<Time>,
     report: SinkReport,
 }
 
@@ -114,6 +119,7 @@ impl Sink<'_> {
             heard: self.clock.now(),
             heard_host: self.clock.host_now(),
             stopping: None,
+            asked: None,
             report: SinkReport::default(),
         };
         loop {
@@ -131,7 +137,8 @@ impl Sink<'_> {
     /// Stops the vehicle in place of a sink that died after the command `last`, and releases it.
     pub(crate) fn take_over(mut self, last: GateOutput) -> SinkReport {
         let (heard, heard_host) = (self.clock.now(), self.clock.host_now());
-        let mut state = State { last, heard, heard_host, stopping: None, report: SinkReport::default() };
+        let mut state =
+            State { last, heard, heard_host, stopping: None, asked: None, report: SinkReport::default() };
         self.conclude(&mut state);
         state.report
     }
@@ -140,7 +147,10 @@ impl Sink<'_> {
         let mut newest = None;
         for order in std::iter::once(order).chain(orders.try_iter()) {
             match order {
-                Order::Ask => self.ask(true, state),
+                Order::Ask => {
+                    self.ask(true, state);
+                    state.asked = Some(self.clock.now());
+                }
                 Order::Gate(output) => state.report.skipped += u64::from(newest.replace(output).is_some()),
             }
         }
@@ -243,6 +253,9 @@ impl Sink<'_> {
 
     fn command(&mut self, output: &GateOutput, state: &mut State) {
         let mut outgoing = self.outgoing();
+        // After it has driven, only a new request counts.
+        state.asked = state.asked.filter(|asked| !output.engaged && outgoing.now - *asked < ASKED);
+        outgoing.asks = state.asked.is_some();
         self.interface.command(output, &mut outgoing);
         self.send(outgoing, state);
         self.wire.leave(&Legacy { last: *output, stop: self.stop });

@@ -3,21 +3,42 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
-use swerve_core::Span;
+use swerve_core::{Span, Time};
 use swerve_flow::{OperatorReport, TickReport};
-use swerve_msg::GateMode;
+use swerve_msg::{GateMode, StopCause};
 use swerve_report::output::align;
 use swerve_ros2::bridge::{Refused, TopicStatistics};
 
 use super::drive::{Drive, Driven, located_by};
-use super::feed::mode_words;
 use super::intake::{TopicSummary, TopicTally};
+use super::reason::mode_words;
 use super::sink::SinkReport;
 use super::time::TopicClock;
-use super::watch::DriveFigures;
+use super::watch::{DriveFigures, ModeChange};
 
 /// Offset from which a clock is considered to have another origin than the host's, milliseconds.
 const OTHER_BEGINNING_MS: f64 = 60e3;
+
+/// Time within which a stop is noticed, seconds.
+const NOTICED_S: f64 = 1.0;
+
+/// Metrics of a drive, with the reason of each stop at the change of the mode.
+fn with_reasons(driven: &Driven) -> DriveFigures {
+    let mut figures = driven.figures.clone();
+    let mut latest = None;
+    for change in &mut figures.modes {
+        if let GateMode::Stopping(cause) = change.mode {
+            let is_it = |(at, of, _): &&(Time, StopCause, String)| {
+                *of == cause && (at.as_secs() - change.at_s).abs() < NOTICED_S
+            };
+            latest = driven.feed.reasons.iter().find(is_it);
+        }
+        if change.mode.brakes() {
+            change.reason = latest.map(|(_, _, reason)| reason.clone());
+        }
+    }
+    figures
+}
 
 /// Result of a drive.
 #[derive(Serialize, Debug)]
@@ -207,7 +228,7 @@ impl Summary {
             digest: report.map(|report| report.digest.to_string()),
             seconds: report.map_or(0.0, |report| report.at.as_secs()),
             was_ready: driven.feed.was_ready,
-            drive: driven.figures.clone(),
+            drive: with_reasons(driven),
             sink: driven.sink,
             not_taken: driven.feed.not_taken,
             transports_lost: 0,
@@ -242,15 +263,16 @@ impl Summary {
 
     fn drive_text(&self, text: &mut String) {
         let mut row = |name: &str, value: String| {
-            let _ = writeln!(text, "  {name:<18}{value}");
+            let _ = writeln!(text, "  {name:<18} {value}");
         };
         let DriveFigures { driving_s, driven_m, speed_max_mps, modes, refused, limited, outputs, .. } =
             &self.drive;
         row("driven", format!("{driven_m:.1} m in {driving_s:.1} s, at most {speed_max_mps:.1} m/s"));
         let (p50, p99, max) = (self.drive.beside_p50_m, self.drive.beside_p99_m, self.drive.beside_max_m);
         row("cross-track error", format!("p50 {p50:.3}  p99 {p99:.3}  max {max:.3} m"));
-        let changes =
-            modes.iter().map(|change| format!("from {:.2} s {}", change.at_s, mode_words(change.mode)));
+        let changes = modes.iter().map(|ModeChange { at_s, mode, reason }| {
+            format!("from {at_s:.2} s {}", mode_words(*mode, reason.as_deref()))
+        });
         row("gate", changes.collect::<Vec<_>>().join(", "));
         row("commands", format!("{outputs}, {} refused, {limited} limited", refused.total()));
         let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end, released } =

@@ -49,6 +49,8 @@ struct LaneState {
     moved: Time,
     /// Received commands, with the car's speed at that instant.
     commands: Vec<(Time, MotionCommand, f64)>,
+    /// Instant from which it ignores commands, and its acceleration then, m/s².
+    ignores: Option<(f64, f64)>,
 }
 
 /// Period of rounds of messages.
@@ -86,6 +88,8 @@ impl LaneState {
             (true, Some((_, command))) => (command.steering_rad, command.accel_mps2),
             (true, None) => (self.ego.steering_rad, -3.0),
         };
+        let ignores = self.ignores.filter(|(from_s, _)| now.as_secs() >= *from_s);
+        let accel = ignores.map_or(accel, |(_, accel)| accel);
         let ego = &mut self.ego;
         ego.stamp = now;
         ego.steering_rad = steering_rad;
@@ -170,6 +174,19 @@ fn configuration() -> Drive {
     Drive::load(&Registry::standard(), file, &[("live.enable".into(), "at_start".into())]).unwrap()
 }
 
+#[test]
+fn vehicle_that_only_observes_need_not_follow_commands() {
+    let ignored_after_s = |name: &str| {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
+        let file = folder.join(name).with_extension("toml");
+        let drive = Drive::load(&Registry::standard(), &file, &[]).unwrap();
+        let assembly = LiveGraph::build(&drive.config, &drive.scenario).unwrap().pipeline.assembly;
+        let gate = assembly.publisher::<GateOutput>().and_then(|gate| assembly.operator(gate));
+        gate.unwrap().resolved.gate.ignored_after_s
+    };
+    assert_eq!(["plain", "autoware", "dataspeed"].map(ignored_after_s), [0.0, 1.0, 1.0]);
+}
+
 /// Panics at this instant.
 struct Bomb(Time);
 
@@ -183,6 +200,16 @@ impl Operator for Bomb {
 
 /// Drives for some seconds, starting at 3 m/s.
 fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) {
+    ride_with(seconds, bomb_s, spoil, None)
+}
+
+/// As `ride`, with a car that ignores commands from an instant on and keeps an acceleration.
+fn ride_with(
+    seconds: f64,
+    bomb_s: Option<f64>,
+    spoil: Spoil,
+    ignores: Option<(f64, f64)>,
+) -> (Driven, LaneState) {
     let drive = configuration();
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
     if let Some(at_s) = bomb_s {
@@ -191,6 +218,7 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     }
     let clock = HostClock::start();
     let lane = Lane::new(clock, 3.0, spoil);
+    lane.lock().ignores = ignores;
     let until = Some(Time::ZERO + Span::from_secs(seconds));
     let flags = ControlFlags::default();
     let options = DriveOptions { until, threads: 2, status_sink: Box::new(Quiet), flags: &flags };
@@ -225,8 +253,64 @@ fn nominal_drive_ends_at_rest_and_released() {
         [GateMode::Manual, GateMode::Driving, GateMode::Stopping(released), GateMode::Holding(released)];
     assert_eq!(modes(&driven), expected);
     assert_eq!((lane.ego.speed_mps, lane.engaged), (0.0, false));
+    assert_eq!(driven.feed.reasons[0].2, "the time limit was reached");
     assert!(driven.figures.driven_m > 5.0 && driven.figures.beside_max_m < 0.2, "{:?}", driven.figures);
     assert_eq!(driven.figures.refused.total(), 0);
+}
+
+#[test]
+#[ignore = "real clock"]
+fn takeover_by_the_driver_silences_the_commands() {
+    let (driven, lane) = ride(4.0, None, |t, round| {
+        for (_, message) in round {
+            if let AnyMessage::ControlModeReport(report) = message
+                && t > 2.0
+            {
+                report.mode = ControlModeReport::MANUAL;
+            }
+        }
+    });
+    assert_eq!(modes(&driven), [GateMode::Manual, GateMode::Driving, GateMode::Manual]);
+    let last = lane.commands.last().unwrap().0;
+    assert!(last > Time::from_ms(1900) && last < Time::from_ms(2200), "{last:?}");
+}
+
+#[test]
+#[ignore = "real clock"]
+fn car_that_ignores_commands_is_noticed_and_a_person_is_asked_to_take_over() {
+    let (driven, lane) = ride_with(12.0, None, |_, _| {}, Some((2.0, 2.5)));
+    let stopping = |mode: &GateMode| match mode {
+        GateMode::Stopping(cause) => Some(*cause),
+        _ => None,
+    };
+    assert_eq!(
+        modes(&driven).iter().find_map(stopping),
+        Some(StopCause::AccelDeviation),
+        "{:?}",
+        modes(&driven)
+    );
+    let (at, _, reason) = &driven.feed.reasons[0];
+    assert!(
+        reason.contains("m/s² commanded, 2.5 m/s² measured at") && reason.ends_with("take over"),
+        "{reason}"
+    );
+    // It is braked from then on, without effect.
+    let later = lane.commands.iter().filter(|(sent, ..)| *sent > *at + Span::from_ms(1500));
+    assert!(later.clone().count() > 100 && later.clone().all(|(_, c, _)| c.accel_mps2 <= -2.9), "{at:?}");
+}
+
+#[test]
+#[ignore = "real clock"]
+fn car_beside_the_ground_is_not_taken_over() {
+    let (driven, lane) = ride(3.0, None, |_, round| {
+        for (_, message) in round {
+            if let AnyMessage::Odometry(odometry) = message {
+                odometry.pose.pose.position.y += 12.0;
+            }
+        }
+    });
+    assert_eq!(modes(&driven), [GateMode::Manual]);
+    assert!(driven.feed.was_ready && !lane.engaged);
 }
 
 #[test]
@@ -272,6 +356,8 @@ fn silent_localization_leads_to_a_stop() {
     });
     let stopping = GateMode::Stopping(StopCause::CommandTimeout);
     assert!(modes(&driven).contains(&stopping), "{:?}", modes(&driven));
+    let reason = &driven.feed.reasons[0].2;
+    assert!(reason.starts_with("no sound command: no odometry for 0."), "{reason}");
     let at_s = driven.figures.modes.iter().find(|change| change.mode == stopping).unwrap().at_s;
     assert!((2.0..3.0).contains(&at_s), "{at_s}");
     assert_eq!((lane.ego.speed_mps, lane.engaged), (0.0, false));

@@ -45,6 +45,8 @@ pub struct Outgoing {
     pub epoch: Epoch,
     /// Reported speed of the vehicle, m/s.
     pub speed_mps: f64,
+    /// True while the vehicle is asked to accept commands: some accept only with commands that already arrive.
+    pub asks: bool,
     /// Messages by the role of their topic.
     pub messages: Vec<(Role, AnyMessage)>,
 }
@@ -52,7 +54,7 @@ pub struct Outgoing {
 impl Outgoing {
     /// Creates an empty list.
     pub fn new(now: Time, epoch: Epoch, speed_mps: f64) -> Self {
-        Self { now, epoch, speed_mps, messages: Vec::new() }
+        Self { now, epoch, speed_mps, asks: false, messages: Vec::new() }
     }
 
     /// Adds a message on the topic of a role; it is dropped if the mapping has no such topic.
@@ -69,7 +71,8 @@ pub trait VehicleInterface: Send {
     /// State of the vehicle reported by a message.
     fn facts(&self, message: &AnyMessage) -> Facts;
 
-    /// Converts the output of the gate to messages; called at the gate's rate, also in manual mode.
+    /// Converts the output of the gate to messages; called at the gate's rate, also in manual mode. Then messages that
+    /// the vehicle may follow are sent only while it is asked to accept commands; they hold its measured state.
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing);
 
     /// Asks the vehicle to accept commands, or to stop doing so.
@@ -79,7 +82,7 @@ pub trait VehicleInterface: Send {
 /// Interface of the vehicle named by the mapping.
 pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface> {
     match vehicle {
-        Vehicle::Autoware => Box::new(autoware::Autoware),
+        Vehicle::Autoware => Box::<autoware::Autoware>::default(),
         Vehicle::Dataspeed => Box::new(dataspeed::DataspeedInterface::new(config)),
         Vehicle::Raptor => Box::new(raptor::RaptorInterface::new(config)),
         Vehicle::Carla => Box::new(carla::Carla::new(config)),

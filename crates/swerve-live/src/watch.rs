@@ -1,13 +1,16 @@
 //! Observer of a drive: forwards the gate's output to the sink, and collects metrics.
 
+use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
-use swerve_core::Span;
+use swerve_core::{Span, Time};
 use swerve_flow::{Dispatcher, Event, Observer, Publication};
-use swerve_geom::Point2;
-use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
+use swerve_geom::{Map, Pose2};
+use swerve_msg::{
+    EgoState, GateMode, GateOutput, MotionCommand, Plan, PlanStatus, Refusals, Route, VehicleReport,
+};
 
 use super::shared::lock;
 use super::sink::Order;
@@ -19,19 +22,41 @@ pub struct DriveStatus {
     pub mode: GateMode,
     /// Speed of the ego, m/s.
     pub speed_mps: f64,
-    /// Position of the ego in the map; `None` until known.
-    pub at: Option<Point2>,
+    /// Pose of the ego in the map; `None` until known.
+    pub pose: Option<Pose2<Map>>,
     /// Status of the newest plan.
     pub plan: Option<PlanStatus>,
+    /// Instant of the newest plan.
+    pub planned: Option<Time>,
+    /// Last command while the stack drove, and the newest report of the vehicle.
+    pub follow: FollowFigures,
+}
+
+/// A command, and the motion that the vehicle reports.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct FollowFigures {
+    /// Commanded angle of the front road wheels, radians; positive to the left.
+    pub commanded_rad: f64,
+    /// Commanded acceleration, m/s².
+    pub commanded_mps2: f64,
+    /// Reported angle of the front road wheels, radians; positive to the left.
+    pub reported_rad: f64,
+    /// Reported speed, m/s.
+    pub speed_mps: f64,
+    /// Mean acceleration of the last second by the reported speed, m/s².
+    pub accel_mps2: f64,
 }
 
 /// A change of the gate's mode.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct ModeChange {
     /// Instant, seconds of run time.
     pub at_s: f64,
     /// New mode.
     pub mode: GateMode,
+    /// Reason of a stop in words, with the streams that were silent or the numbers that deviated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
 /// Metrics of a drive.
@@ -71,8 +96,12 @@ struct Watch {
     figures: DriveFigures,
     beside_m: Vec<f32>,
     before: Option<EgoState>,
+    /// Reported speeds of the last second, m/s.
+    speeds: VecDeque<(Time, f64)>,
 }
 
+/// Maximum number of reported speeds kept: a second at 2 kHz.
+const SPEEDS_MAX: usize = 2000;
 /// Maximum number of poses kept for the percentiles: five hours at 50 Hz.
 const POSES_MAX: usize = 1_000_000;
 
@@ -80,11 +109,16 @@ impl Outlet {
     /// Creates an observer that sends to `orders` and updates `status` for the other threads.
     pub fn new(orders: Sender<Order>, status: Arc<Mutex<DriveStatus>>, route: Route) -> Self {
         let figures = DriveFigures::default();
-        let watch = Watch { orders, status, route, mode: None, figures, beside_m: Vec::new(), before: None };
+        let (beside_m, speeds) = (Vec::new(), VecDeque::new());
+        let watch = Watch { orders, status, route, mode: None, figures, beside_m, before: None, speeds };
         let watch = Dispatcher::new(watch)
             .on::<GateOutput>(Watch::gate)
             .on::<EgoState>(Watch::pose)
-            .on::<Plan>(|watch, _, plan| lock(&watch.status).plan = Some(plan.status));
+            .on::<VehicleReport>(Watch::report)
+            .on::<Plan>(|watch, publication, plan| {
+                let mut status = lock(&watch.status);
+                (status.plan, status.planned) = (Some(plan.status), Some(publication.visible_at));
+            });
         Self(watch)
     }
 
@@ -111,18 +145,39 @@ impl Watch {
         // Fails only if the sink has ended, which happens only after the channel is closed.
         let _ = self.orders.send(Order::Gate(*output));
         if self.mode.replace(output.mode) != Some(output.mode) {
-            self.figures.modes.push(ModeChange { at_s: publication.visible_at.as_secs(), mode: output.mode });
+            let at_s = publication.visible_at.as_secs();
+            self.figures.modes.push(ModeChange { at_s, mode: output.mode, reason: None });
             lock(&self.status).mode = output.mode;
+        }
+        if output.mode == GateMode::Driving {
+            let follow = &mut lock(&self.status).follow;
+            let MotionCommand { steering_rad, accel_mps2, .. } = output.command;
+            (follow.commanded_rad, follow.commanded_mps2) = (steering_rad, accel_mps2);
         }
         self.figures.refused = output.refusals;
         self.figures.limited += u64::from(output.limited);
         self.figures.outputs += 1;
     }
 
+    fn report(&mut self, _: &Publication<'_>, report: &VehicleReport) {
+        let VehicleReport { stamp, speed_mps, steering_rad, .. } = *report;
+        self.speeds.push_back((stamp, speed_mps));
+        while self.speeds.len() > SPEEDS_MAX
+            || self.speeds.get(1).is_some_and(|(second, _)| stamp - *second >= Span::from_ms(1000))
+        {
+            self.speeds.pop_front();
+        }
+        let first = self.speeds.front().filter(|(first, _)| stamp > *first);
+        let accel_mps2 =
+            first.map_or(0.0, |(first, before_mps)| (speed_mps - before_mps) / (stamp - *first).as_secs());
+        let follow = &mut lock(&self.status).follow;
+        (follow.reported_rad, follow.speed_mps, follow.accel_mps2) = (steering_rad, speed_mps, accel_mps2);
+    }
+
     fn pose(&mut self, _: &Publication<'_>, ego: &EgoState) {
         {
             let mut status = lock(&self.status);
-            (status.speed_mps, status.at) = (ego.speed_mps, Some(ego.pose.point()));
+            (status.speed_mps, status.pose) = (ego.speed_mps, Some(ego.pose));
         }
         let before = self.before.replace(*ego);
         if self.mode != Some(GateMode::Driving) {

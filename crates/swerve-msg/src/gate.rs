@@ -92,6 +92,12 @@ pub enum StopCause {
     PoseLost,
     /// The motion of the pose does not match the wheels.
     PoseImplausible,
+    /// The reported steering angle does not follow the commands.
+    SteeringDeviation,
+    /// The reported speed does not follow the commanded acceleration or braking.
+    AccelDeviation,
+    /// The reported speed is above the permitted one.
+    SpeedExcess,
 }
 
 impl StopCause {
@@ -108,6 +114,9 @@ impl StopCause {
             Self::TransportLost => "the transport was lost",
             Self::PoseLost => "the pose is lost",
             Self::PoseImplausible => "the pose does not move as the wheels do",
+            Self::SteeringDeviation => "the steering does not follow its commands",
+            Self::AccelDeviation => "the vehicle does not accelerate or brake as commanded",
+            Self::SpeedExcess => "the vehicle is faster than permitted",
         }
     }
 }

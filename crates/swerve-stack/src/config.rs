@@ -272,6 +272,11 @@ impl Config {
         self.ego.driver == EgoDriver::Ros2
     }
 
+    /// Returns true if the stack only observes a vehicle: an interface that sends no commands.
+    fn is_observed(&self) -> bool {
+        self.live.is_some() && self.ros2.get("vehicle").and_then(toml::Value::as_str) == Some("plain")
+    }
+
     /// Topics of `[ros2]`, on the network that the environment names where the table does not.
     ///
     /// # Errors
@@ -326,6 +331,10 @@ impl Config {
         if self.is_driven_over_ros2() {
             // Another stack may repeat a command for as long as the road is straight.
             params.repeat_max_s = 0.0;
+        }
+        if self.source.is_some() || self.is_observed() {
+            // A recorded vehicle, or one without drive-by-wire, does not follow the commands.
+            params.ignored_after_s = 0.0;
         }
         let params: GateParams = overridden(&params, &self.gate.params)?;
         params.validate().map_err(outside)?;

@@ -67,7 +67,34 @@ pub struct GateParams {
     /// stands. Bounds the difference between the motions of pose and wheels; 0 disables the comparison.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub lane_margin_m: f64,
+    /// Time for which the reports of the vehicle may deviate from the commands, seconds; 0 disables the checks of
+    /// steering, acceleration and speed. Acceleration is the slope of the reported speed over this time.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub ignored_after_s: f64,
+    /// Time from a command to the full response of the vehicle, seconds: dead time, lag and build-up of the actuators.
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub response_s: f64,
+    /// Largest deviation of the reported steering angle from the commands of the last `response_s`, radians; 0 disables
+    /// this check.
+    #[schemars(range(min = 0.0, max = 1.5))]
+    pub steering_error_rad: f64,
+    /// Largest deviation of the measured acceleration from the commands, m/s²; 0 disables this check. A slope of 10 %
+    /// changes it by 1 m/s².
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub accel_error_mps2: f64,
+    /// Largest excess of the reported speed over `speed_max_mps`, m/s; 0 disables this check.
+    #[schemars(range(min = 0.0, max = 50.0))]
+    pub speed_excess_mps: f64,
 }
+
+/// Calibration error and compliance of a steering, radians.
+const STEERING_ERROR_RAD: f64 = 0.05;
+
+/// Reserve on the response of a vehicle, seconds: transport, periods of reports, a dead time that is not declared.
+const RESPONSE_RESERVE_S: f64 = 0.3;
+
+/// Number of time constants of a first-order lag until 95 % of its response.
+const LAGS: f64 = 3.0;
 
 /// Width of a narrow lane of a road with two directions, metres.
 const LANE_WIDTH_M: f64 = 3.5;
@@ -93,6 +120,11 @@ impl Default for GateParams {
             emergency_decel_mps2: 5.0,
             hold_decel_mps2: 1.5,
             lane_margin_m: 0.0,
+            ignored_after_s: 1.0,
+            response_s: 1.0,
+            steering_error_rad: STEERING_ERROR_RAD,
+            accel_error_mps2: 2.0,
+            speed_excess_mps: 1.0,
         }
     }
 }
@@ -110,6 +142,11 @@ impl GateParams {
             vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
         let limits = &vehicle.limits;
         let build_up_s = vehicle.brakes.build_up_s.max(0.02);
+        let slowest_s = build_up_s.max(LAGS * vehicle.drivetrain.lag_s).max(LAGS * vehicle.steering.lag_s);
+        let response_s = vehicle.dead_time_s + slowest_s + RESPONSE_RESERVE_S;
+        // Wheels that turn by less than requested at speed deviate without a fault.
+        let share = vehicle.steering.curve.iter().fold(1.0_f64, |least, [_, share]| least.min(*share));
+        let steering_error_rad = STEERING_ERROR_RAD + (1.0 - share) * limits.steering_max_rad;
         Self {
             repeat_max_s: 1.0,
             origin_timeout_s: 1.0,
@@ -123,6 +160,8 @@ impl GateParams {
             stop_decel_mps2: 3.0,
             emergency_decel_mps2: limits.brake_max_mps2.clamp(0.1, 20.0),
             lane_margin_m: (0.5 * (LANE_WIDTH_M - vehicle.shape.width_m)).max(0.2),
+            response_s: response_s.clamp(0.0, 20.0),
+            steering_error_rad: steering_error_rad.clamp(0.0, 1.5),
             ..Self::default()
         }
     }

@@ -205,7 +205,7 @@ impl Listener {
         } else if ready && self.waits_since.take().is_some_and(|since| now - since < ENABLE_WITHIN) {
             requests.push(Request::Drive(true));
         }
-        let at = Situation { now, ready, listens: None, driver: false, mode };
+        let at = Situation { now, ready, listens: None, driver: false, mode, misplaced: None };
         let action = self.engagement.step(&requests, &at);
         // Pressing the switch selects the writers that drive.
         self.writers.pin(action.switch.enable);

@@ -11,7 +11,10 @@ use swerve_ros2::msg::autoware_vehicle_msgs::{
 use super::{Facts, Outgoing, VehicleInterface};
 
 /// Autoware's vehicle interface: angle of the road wheels, speed and acceleration.
-pub(super) struct Autoware;
+#[derive(Default)]
+pub(super) struct Autoware {
+    engaged_before: bool,
+}
 
 const OFF: u8 = 1;
 const ON: u8 = 2;
@@ -39,9 +42,19 @@ impl VehicleInterface for Autoware {
 
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let stamp = outgoing.epoch.stamp(outgoing.now);
-        outgoing.push(Role::Command, AnyMessage::Control(control_to_ros(&gate.motion(), outgoing.epoch)));
-        let gear = if gate.engaged { GearReport::DRIVE } else { GearReport::NONE };
-        outgoing.push(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
+        let engaged_before = core::mem::replace(&mut self.engaged_before, gate.engaged);
+        if gate.engaged || outgoing.asks {
+            let control = control_to_ros(&gate.motion(), outgoing.epoch);
+            outgoing.push(Role::Command, AnyMessage::Control(control));
+        }
+        // The gear and the lights of a car in manual mode are the driver's; those of a stop are turned off once.
+        if !gate.engaged && !engaged_before {
+            return;
+        }
+        if gate.engaged {
+            let gear = GearCommand { stamp, command: GearReport::DRIVE };
+            outgoing.push(Role::GearCommand, AnyMessage::GearCommand(gear));
+        }
         let indicators = TurnIndicatorsCommand { stamp, command: OFF };
         outgoing.push(Role::TurnIndicatorsCommand, AnyMessage::TurnIndicatorsCommand(indicators));
         // Hazard lights are on during a stop that was not requested.

@@ -230,6 +230,24 @@ fn autoware_turns_on_hazard_lights_in_an_unrequested_stop() {
 }
 
 #[test]
+fn autoware_gets_no_commands_in_manual_mode_unless_it_is_asked_to_accept_them() {
+    let mut car = interface(Vehicle::Autoware, &config(""));
+    let roles = |car: &mut dyn VehicleInterface, gate: &GateOutput, asks| -> Vec<Role> {
+        let mut outgoing = Outgoing { asks, ..Outgoing::new(Time::from_ms(1500), Epoch { ns: 0 }, 4.0) };
+        car.command(gate, &mut outgoing);
+        outgoing.messages.iter().map(|(role, _)| *role).collect()
+    };
+    let manual = GateOutput { mode: GateMode::Manual, engaged: false, ..gate(0.0) };
+    assert_eq!(roles(&mut *car, &manual, false), []);
+    assert_eq!(roles(&mut *car, &manual, true), [Role::Command]);
+    let all = [Role::Command, Role::GearCommand, Role::TurnIndicatorsCommand, Role::HazardLightsCommand];
+    assert_eq!(roles(&mut *car, &gate(0.0), false), all);
+    // The lights of the stack are turned off once.
+    assert_eq!(roles(&mut *car, &manual, false), all[2..]);
+    assert_eq!(roles(&mut *car, &manual, false), []);
+}
+
+#[test]
 fn interfaces_convert_reports_to_facts() {
     let raptor = interface(Vehicle::Raptor, &config("steering_ratio = 10.0\n"));
     let misc = raptor_dbw_msgs::MiscReport { vehicle_speed: 36.0, ..Default::default() };
