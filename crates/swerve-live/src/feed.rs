@@ -18,6 +18,7 @@ use super::graph::Inputs;
 pub use super::input::TopicState;
 use super::input::{Arrived, Input};
 use super::intake::{Intake, Request, TopicSummary};
+use super::notices::Notices;
 use super::shared::lock;
 use super::simulated::{ClockEvent, DriveClock};
 use super::sink::{Order, stop_takes};
@@ -106,6 +107,8 @@ pub struct Feed<'a> {
     pub flags: &'a ControlFlags,
     /// Receiver of progress reports.
     pub status_sink: Box<dyn StatusSink>,
+    /// Notices of topics, monitors and road users.
+    pub notices: Notices,
 }
 
 /// Result of the feed thread.
@@ -376,6 +379,10 @@ impl<'a> Feed<'a> {
             line += &format!("  waiting for {}", listed(&silent));
         }
         self.status_sink.progress(&line);
+        let is_driving = status.mode == GateMode::Driving;
+        for notice in self.notices.each_second(now, is_driving, &self.intake, self.wire) {
+            self.status_sink.note(now, &notice);
+        }
     }
 }
 

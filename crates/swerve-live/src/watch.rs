@@ -7,8 +7,9 @@ use serde::Serialize;
 use swerve_core::Span;
 use swerve_flow::{Dispatcher, Event, Observer, Publication};
 use swerve_geom::Point2;
-use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
+use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route, SensorHealth};
 
+use super::notices::SensorChecks;
 use super::shared::lock;
 use super::sink::Order;
 
@@ -57,6 +58,8 @@ pub struct DriveFigures {
     pub limited: u64,
     /// Number of gate outputs.
     pub outputs: u64,
+    /// Findings of the monitors of cameras and lidars, by the monitor's name.
+    pub monitors: SensorChecks,
 }
 
 /// Observer that forwards the gate's output to the sink.
@@ -71,6 +74,7 @@ struct Watch {
     figures: DriveFigures,
     beside_m: Vec<f32>,
     before: Option<EgoState>,
+    checks: Arc<Mutex<SensorChecks>>,
 }
 
 /// Maximum number of poses kept for the percentiles: five hours at 50 Hz.
@@ -80,12 +84,22 @@ impl Outlet {
     /// Creates an observer that sends to `orders` and updates `status` for the other threads.
     pub fn new(orders: Sender<Order>, status: Arc<Mutex<DriveStatus>>, route: Route) -> Self {
         let figures = DriveFigures::default();
-        let watch = Watch { orders, status, route, mode: None, figures, beside_m: Vec::new(), before: None };
+        let (beside_m, checks) = (Vec::new(), Arc::default());
+        let watch = Watch { orders, status, route, mode: None, figures, beside_m, before: None, checks };
         let watch = Dispatcher::new(watch)
+            .on::<SensorHealth>(|watch, publication, health| {
+                let mut checks = lock(&watch.checks);
+                checks.entry(publication.operator.to_owned()).or_default().take(health);
+            })
             .on::<GateOutput>(Watch::gate)
             .on::<EgoState>(Watch::pose)
             .on::<Plan>(|watch, _, plan| lock(&watch.status).plan = Some(plan.status));
         Self(watch)
+    }
+
+    /// Findings of the monitors so far, for the other threads.
+    pub(super) fn checks(&self) -> Arc<Mutex<SensorChecks>> {
+        self.0.state().checks.clone()
     }
 
     /// Returns the metrics and closes the channel of orders; the sink then stops a car that is still driven.
@@ -104,6 +118,7 @@ impl Watch {
         self.figures.beside_p50_m = at(0.5);
         self.figures.beside_p99_m = at(0.99);
         self.figures.beside_max_m = at(1.0);
+        self.figures.monitors = std::mem::take(&mut *lock(&self.checks));
         self.figures
     }
 

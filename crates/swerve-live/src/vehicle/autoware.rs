@@ -2,16 +2,42 @@
 
 use swerve_msg::{GateMode, GateOutput, StopCause};
 use swerve_ros2::AnyMessage;
-use swerve_ros2::convert::{control_to_ros, driver_active};
+use swerve_ros2::convert::driver_active;
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::autoware_vehicle_msgs::{
     Engage, GearCommand, GearReport, HazardLightsCommand, TurnIndicatorsCommand,
 };
+use swerve_stack::config::Config;
 
-use super::{Facts, Outgoing, VehicleInterface};
+use super::{Facts, MotionTopic, Outgoing, VehicleInterface};
 
 /// Autoware's vehicle interface: angle of the road wheels, speed and acceleration.
-pub(super) struct Autoware;
+pub(super) struct Autoware {
+    commands: Option<MotionTopic>,
+}
+
+impl Autoware {
+    pub(super) fn new(config: &Config) -> Self {
+        Self { commands: MotionTopic::of(config) }
+    }
+}
+
+/// State that a report of Autoware's types contains.
+pub(super) fn facts(message: &AnyMessage) -> Facts {
+    let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
+    facts.listens = facts.driver.map(|driver| !driver);
+    match message {
+        AnyMessage::VelocityReport(report) => {
+            facts.speed_mps = Some(f64::from(report.longitudinal_velocity));
+            facts.yaw_rate_radps = Some(f64::from(report.heading_rate));
+        }
+        AnyMessage::SteeringReport(report) => {
+            facts.steering_rad = Some(f64::from(report.steering_tire_angle));
+        }
+        _ => {}
+    }
+    facts
+}
 
 const OFF: u8 = 1;
 const ON: u8 = 2;
@@ -22,24 +48,14 @@ impl VehicleInterface for Autoware {
     }
 
     fn facts(&self, message: &AnyMessage) -> Facts {
-        let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
-        facts.listens = facts.driver.map(|driver| !driver);
-        match message {
-            AnyMessage::VelocityReport(report) => {
-                facts.speed_mps = Some(f64::from(report.longitudinal_velocity));
-                facts.yaw_rate_radps = Some(f64::from(report.heading_rate));
-            }
-            AnyMessage::SteeringReport(report) => {
-                facts.steering_rad = Some(f64::from(report.steering_tire_angle));
-            }
-            _ => {}
-        }
-        facts
+        facts(message)
     }
 
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let stamp = outgoing.epoch.stamp(outgoing.now);
-        outgoing.push(Role::Command, AnyMessage::Control(control_to_ros(&gate.motion(), outgoing.epoch)));
+        if let Some(topic) = &self.commands {
+            topic.push(gate, outgoing);
+        }
         let gear = if gate.engaged { GearReport::DRIVE } else { GearReport::NONE };
         outgoing.push(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
         let indicators = TurnIndicatorsCommand { stamp, command: OFF };
