@@ -167,7 +167,7 @@ impl Notices {
         let sets_off = is_driving && !std::mem::replace(&mut self.was_driving, is_driving);
         let notice = match (is_heard, begins, sets_off) {
             (true, ..) | (false, false, false) => return Vec::new(),
-            (false, _, true) => format!("it drives blind: the road counts as empty{until}"),
+            (false, _, true) => format!("driving without objects: the road counts as empty{until}"),
             (false, true, false) => {
                 format!("no operator detects road users: the road counts as empty{until}")
             }
@@ -324,7 +324,10 @@ mod tests {
             [format!("no operator detects road users: the road counts as empty {until}")]
         );
         assert_eq!(bench.at(2.0, false), Vec::<String>::new());
-        assert_eq!(bench.at(3.0, true), [format!("it drives blind: the road counts as empty {until}")]);
+        assert_eq!(
+            bench.at(3.0, true),
+            [format!("driving without objects: the road counts as empty {until}")]
+        );
         assert_eq!(bench.at(4.0, true), Vec::<String>::new());
         // Tracks from the lidar.
         let mut bench = Bench::new("autoware_lidar");

@@ -228,7 +228,7 @@ impl Wire for BridgeWire {
 
     fn faults(&self) -> Vec<(String, String)> {
         let latest = self.bridge.latest_statistics();
-        let fault = |topic: &TopicStatistics| Some((topic.name.clone(), topic.fault()?.to_owned()));
+        let fault = |topic: &TopicStatistics| Some((topic.name.clone(), topic.fault()?.replace(OWN, "")));
         let is_crowded = |topic: &&TopicStatistics| topic.matched > 1 && self.single.contains(&topic.name);
         let crowd = |topic: &TopicStatistics| {
             let message = format!("{} has {} publishers, expected one", topic.topic, topic.matched);
