@@ -20,7 +20,7 @@ fn scenario_and_configuration_are_found_by_name() {
     let tried =
         bench.good(&["run", "lane", "-c", "autoware", "--set", "gate.enabled=true", "--out", "tried"]);
     assert!(tried.contains("COMPLETED") && tried.contains("gate  "), "{tried}");
-    assert_eq!(bench.good(&["check", "configs/live"]), "7 files, no problem\n");
+    assert!(bench.good(&["check", "configs/live"]).ends_with(" files, no problem\n"));
     let check = |set: &str| bench.swerve(&["check", "live/autoware", "--set", set]);
     assert_eq!(check("ego.speed_mps=5").code, Some(0));
     let fault = check("ego.speed_mps=500");
