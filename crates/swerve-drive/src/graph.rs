@@ -7,9 +7,10 @@ use swerve_stack::Setup;
 use swerve_stack::assembly::{Assembly, Redirected};
 use swerve_stack::pipeline::Pipeline;
 
+use crate::load::load_as_written;
 use crate::overwrite::OverwriteArgs;
 use crate::pictures::PictureArgs;
-use crate::{RunInput, load, note_idle};
+use crate::{RunInput, note_idle};
 
 /// `swerve graph`.
 #[derive(clap::Args, Debug)]
@@ -40,7 +41,7 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
         swerve_report::files::refuse_toml(file)?;
         args.overwrite.check([file.as_path()])?;
     }
-    let (config, scenario) = load(registry, &args.input)?;
+    let (config, scenario) = load_as_written(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
     note_idle(&config, &args.input);

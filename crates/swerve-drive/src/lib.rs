@@ -40,7 +40,8 @@ pub use ego::{EgoRun, OfEgo, of_ego};
 pub use guest::{Commanded, Commands, InputStream, Line, Referee, Stack, StackOptions, scenario_on_map};
 pub use lights::light_courses;
 pub use load::{
-    RunInput, load, load_config, note_idle, operators_with_runtime, problems_error, read_scenario,
+    RunInput, files_of, is_foreign, load, load_config, note_idle, operators_with_runtime, problems_error,
+    read_scenario,
 };
 pub use measured::{norm, outline, track_names};
 pub use overwrite::OverwriteArgs;

@@ -9,9 +9,10 @@ use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::Setup;
 use swerve_stack::config::Config;
-use swerve_text::{did_you_mean, parse_assignment, parse_assignments};
+use swerve_stack::config::programs::Layer;
+use swerve_text::{Document, Problems, did_you_mean, parse_assignment, parse_assignments};
 
-use crate::shipped::Kind;
+use crate::shipped::{FILES, Kind, Shipped, plain};
 use crate::trust::CodeArgs;
 
 /// Scenario, configuration and overrides of a run.
@@ -78,16 +79,27 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
     Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
 }
 
-/// Reads and checks the files named on a command line; reports the scenario's warnings on standard error.
+/// Reads and checks the files named on a command line for a simulated drive; reports the scenario's warnings on standard
+/// error. The simulated car takes the place of the vehicle of a configuration with `[live]`.
+///
+/// # Errors
+/// All errors in the files, or a configuration of a recorded drive.
 pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Scenario)> {
+    read(registry, input, true)
+}
+
+/// Same as [`load`], with the vehicle of a configuration with `[live]`: for a drive that is described and not driven.
+pub(crate) fn load_as_written(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Scenario)> {
+    read(registry, input, false)
+}
+
+fn read(registry: &Registry, input: &RunInput, is_simulated: bool) -> anyhow::Result<(Setup, Scenario)> {
     let mut sets = parse_assignments(&input.set)?;
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
     let (of_scenario, of_config) = split_sets(&sets);
-    let mut config = Kind::Config
-        .config(registry, &input.config, &of_config)
-        .map_err(|problems| problems_error(&problems))?;
+    let mut config = read_config(registry, &input.config, &of_config, is_simulated)?;
     input.code().apply(&mut config);
     let scenario = read_scenario_with(&input.scenario, &of_scenario)?;
     for warning in config.beyond_domain() {
@@ -97,6 +109,36 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Setup, Sce
         tell(&format!("warning: {}: {warning}", input.scenario.display()));
     }
     Ok((config, scenario))
+}
+
+/// Configuration of files and assignments. For a simulated drive, `[live]` is left out.
+fn read_config(
+    registry: &Registry,
+    files: &[PathBuf],
+    sets: &[(String, toml::Value)],
+    is_simulated: bool,
+) -> anyhow::Result<Setup> {
+    let problems = |problems: Problems| problems_error(&problems);
+    if !is_simulated {
+        return Kind::Config.config(registry, files, sets).map_err(problems);
+    }
+    let (mut document, mut layers) =
+        Kind::Config.layers(files).map_err(|problem| problems_error(&[problem]))?;
+    let is_of = |key: &str, table: &str| key == table || key.starts_with(&format!("{table}."));
+    if document.table.contains_key("source") || sets.iter().any(|(key, _)| is_of(key, "source")) {
+        let message = "a recorded drive has no simulated car: expected `swerve live`";
+        return Err(problems_error(&[document.problem("source", message.to_owned())]));
+    }
+    let sets: Vec<_> = sets.iter().filter(|(key, _)| !is_of(key, "live")).cloned().collect();
+    if document.table.contains_key("live") {
+        let message = "has no effect: the simulated car takes the place of the vehicle";
+        tell(&format!("note: {}", document.problem("live", message.to_owned())));
+        document.table.remove("live");
+    }
+    layers.push(Layer::of_sets("--set", &sets, None));
+    let mut config = Setup::from_document_with(registry, &document, &sets).map_err(problems)?;
+    config.trust(&layers);
+    Ok(config)
 }
 
 /// Reports on standard error, a line each, the keys of a command line and its files that have no effect.
@@ -129,10 +171,31 @@ pub fn load_config(
     code: CodeArgs,
 ) -> anyhow::Result<Setup> {
     let sets = parse_assignments(set)?;
-    let config = Kind::Config.config(registry, files, &sets);
-    let mut config = config.map_err(|problems| problems_error(&problems))?;
+    let mut config = read_config(registry, files, &sets, true)?;
     code.start(&mut config)?;
     Ok(config)
+}
+
+/// The paths of the built-in TOML files of a folder that does not exist, such as `configs/live`; otherwise the given path.
+pub fn files_of(given: &Path) -> Vec<PathBuf> {
+    let folder = plain(given).filter(|_| !given.exists()).map(|folder| folder + "/");
+    let is_in = |file: &&Shipped| {
+        file.path.ends_with(".toml") && folder.as_ref().is_some_and(|folder| file.path.starts_with(folder))
+    };
+    let found: Vec<PathBuf> = FILES.iter().filter(is_in).map(|file| file.path.into()).collect();
+    if found.is_empty() { vec![given.to_owned()] } else { found }
+}
+
+/// True if a file of a folder belongs to another program, such as a Cargo manifest: none of its tables and values has a
+/// name known to Swerve.
+pub fn is_foreign(path: &Path) -> bool {
+    const OURS: [&str; 7] = ["road", "map", "expect", "actor", "base", "axis", "span_ms"];
+    let Ok(document) = Document::read(path) else { return false };
+    let is_ours = |key: &String| {
+        OURS.contains(&key.as_str())
+            || swerve_text::keys::<Config>("").is_some_and(|keys| keys.contains(&key.as_str()))
+    };
+    !document.table.is_empty() && !document.table.keys().any(is_ours)
 }
 
 /// Collects the operators whose run times are set with `--set`.
@@ -149,4 +212,41 @@ pub fn operators_with_runtime(words: &[String]) -> anyhow::Result<BTreeSet<Strin
     let operators = table.get("operator").and_then(toml::Value::as_table).into_iter().flatten();
     let named = operators.filter(|(_, settings)| settings.get("runtime").is_some());
     Ok(named.map(|(name, _)| name.clone()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CodeArgs;
+
+    fn read(files: &[&str], set: &[&str], is_simulated: bool) -> anyhow::Result<Setup> {
+        let files: Vec<PathBuf> = files.iter().map(PathBuf::from).collect();
+        let sets = parse_assignments(&set.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        read_config(&Registry::standard(), &files, &sets, is_simulated)
+    }
+
+    #[test]
+    fn folder_that_does_not_exist_is_that_of_built_in_files() {
+        let folder = files_of(Path::new("nowhere/../configs/live"));
+        assert!(
+            folder.len() >= 7 && folder.iter().all(|file| file.starts_with("configs/live")),
+            "{folder:?}"
+        );
+        assert_eq!(files_of(Path::new("configs/lives")), [Path::new("configs/lives")]);
+        assert_eq!(files_of(Path::new("")), [Path::new("")]);
+    }
+
+    /// The configuration of a vehicle is tried on the simulated car first.
+    #[test]
+    fn simulated_car_takes_the_place_of_a_vehicle() {
+        for name in ["autoware", "configs/live/autoware.toml", "live/autoware_lidar"] {
+            let config = read(&[name], &["gate.enabled=true", "live.enable=at_start"], true).unwrap();
+            assert!(config.live.is_none() && config.gate.enabled, "{name}");
+            assert!(read(&[name], &[], false).unwrap().live.is_some(), "{name}");
+        }
+        let recorded = read(&["autoware"], &["source.rosbag=drive.mcap"], true).err().unwrap().to_string();
+        assert!(recorded.contains("source: a recorded drive has no simulated car"), "{recorded}");
+        let code = CodeArgs { allow_code: false };
+        assert!(load_config(&Registry::standard(), &["autoware".into()], &[], code).unwrap().live.is_none());
+    }
 }

@@ -37,7 +37,7 @@ macro_rules! shipped {
 pub use shipped;
 
 /// All `.toml` files of `scenarios/` and `configs/`, the maps, and the problem files.
-static FILES: &[Shipped] = shipped! { "..":
+pub(crate) static FILES: &[Shipped] = shipped! { "..":
     "scenarios/car_behind_truck.toml"
     "scenarios/car_from_alley.toml"
     "scenarios/lane.toml"
@@ -168,6 +168,7 @@ static FILES: &[Shipped] = shipped! { "..":
     "configs/lidar_localizer.toml"
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
+    "configs/live/autoware_lidar.toml"
     "configs/live/carla.toml"
     "configs/live/carla_native.toml"
     "configs/live/dataspeed.toml"
@@ -348,7 +349,9 @@ impl Kind {
             let in_folder = whole.strip_prefix(self.folder()).and_then(|rest| rest.strip_prefix('/'));
             whole == path || in_folder == Some(path)
         };
-        FILES.iter().find(is_meant)
+        let found = FILES.iter().find(is_meant);
+        // A simulated drive may have the configuration of a vehicle.
+        found.or_else(|| if self == Self::Config { Self::Live.find(given) } else { None })
     }
 
     /// Returns the text of a file, or of the built-in one of this name.
@@ -517,7 +520,7 @@ impl Kind {
 }
 
 /// Normalized relative path; `None` if it leads out of its base.
-fn plain(path: &Path) -> Option<String> {
+pub(crate) fn plain(path: &Path) -> Option<String> {
     let mut parts: Vec<&str> = Vec::new();
     for part in path.components() {
         match part {

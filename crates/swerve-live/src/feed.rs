@@ -18,6 +18,7 @@ use super::graph::Inputs;
 pub use super::input::TopicState;
 use super::input::{Arrived, Input};
 use super::intake::{Intake, Request, TopicSummary};
+use super::notices::Notices;
 use super::placement::Misplaced;
 use super::reason::{mode_words, stop_reason};
 use super::shared::lock;
@@ -108,6 +109,8 @@ pub struct Feed<'a> {
     pub flags: &'a ControlFlags,
     /// Receiver of progress reports.
     pub status_sink: Box<dyn StatusSink>,
+    /// Notices of topics, monitors and road users.
+    pub notices: Notices,
 }
 
 /// Result of the feed thread.
@@ -399,6 +402,10 @@ impl<'a> Feed<'a> {
             line += &format!("  waiting for {}", listed(&silent));
         }
         self.status_sink.progress(&line);
+        let is_driving = status.mode == GateMode::Driving;
+        for notice in self.notices.each_second(now, is_driving, &self.intake, self.wire) {
+            self.status_sink.note(now, &notice);
+        }
     }
 }
 

@@ -111,6 +111,29 @@ struct Topic {
     tally: TopicTally,
 }
 
+/// Reason why the content of a message cannot be used.
+struct Unusable(String);
+
+impl From<ConvertError> for Unusable {
+    fn from(error: ConvertError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Refuses a cloud most of whose points are farther away than any lidar of a car measures: its unit is another.
+fn in_metres(cloud: PointCloud) -> Result<PointCloud, Unusable> {
+    const FAR_M: f32 = 500.0;
+    let far = |k: &usize| cloud.x_m[*k].abs().max(cloud.y_m[*k].abs()) > FAR_M;
+    let count = (0..cloud.len()).filter(far).count();
+    if 2 * count <= cloud.len() {
+        return Ok(cloud);
+    }
+    let (points, far_m) = (cloud.len(), FAR_M);
+    Err(Unusable(format!(
+        "{count} of {points} points are farther than {far_m} m: expected coordinates in metres"
+    )))
+}
+
 /// A user's request, received on a topic.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Request {
@@ -258,9 +281,9 @@ impl Intake {
         let Some(mut topic) = self.topics.remove(name) else { return };
         topic.tally.received += 1;
         let taken = self.judge(&mut topic, message, now).and_then(|stamp| {
-            self.convert(name, &topic, message, Instants { at: now, stamp }, out).map_err(|error| {
+            self.convert(name, &topic, message, Instants { at: now, stamp }, out).map_err(|Unusable(why)| {
                 topic.tally.refused.not_usable += 1;
-                error.to_string()
+                why
             })
         });
         match taken {
@@ -304,7 +327,7 @@ impl Intake {
         message: &AnyMessage,
         Instants { at, stamp }: Instants,
         out: &mut Vec<Arrived>,
-    ) -> Result<(), ConvertError> {
+    ) -> Result<(), Unusable> {
         self.take_vehicle(topic.role, message, Instants { at, stamp }, out);
         let input = match message {
             AnyMessage::Odometry(odometry) => {
@@ -360,7 +383,7 @@ impl Intake {
                 if !self.lidars.iter().any(|lidar| lidar == name) {
                     return Ok(());
                 }
-                let cloud = cloud_from_ros(cloud, self.epoch())?;
+                let cloud = in_metres(cloud_from_ros(cloud, self.epoch())?)?;
                 Input::Cloud(name.to_owned(), PointCloud { stamp, ..cloud })
             }
             _ => return Ok(()),

@@ -12,6 +12,7 @@
 //! | [`sink`] | thread from the gate to the wire; stops the car if the gate falls silent |
 //! | [`orphan`] | stop of a vehicle whose controlling program has died |
 //! | [`recorded`] | the same for a recorded drive, in virtual time |
+//! | [`notices`] | notices of unusable topics, of monitors, and of a drive in which nothing detects road users |
 //! | [`watch`], [`summary`] | status during the drive, and results at its end |
 //!
 //! ```text
@@ -29,6 +30,7 @@ pub mod graph;
 pub mod input;
 pub mod intake;
 mod legacy;
+pub mod notices;
 pub mod orphan;
 pub mod placement;
 mod reason;
@@ -78,7 +80,9 @@ use engage::Engagement;
 use feed::{ControlFlags, Feed, Goal, StatusSink};
 use graph::LiveGraph;
 use intake::Intake;
+use notices::Notices;
 pub use route::route_problems;
+use shared::lock;
 use simulated::{DriveClock, Simulated};
 use sink::Sink;
 use summary::Summary;
@@ -211,7 +215,7 @@ pub fn drive(
 /// As [`drive`](self::drive), with an existing graph.
 fn drive_graph(
     drive: &Drive,
-    LiveGraph { pipeline: Pipeline { graph, assembly, route, .. }, inputs }: LiveGraph,
+    LiveGraph { pipeline, inputs }: LiveGraph,
     wire: &dyn Wire,
     options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
@@ -219,6 +223,8 @@ fn drive_graph(
 ) -> anyhow::Result<Driven> {
     let Drive { config, live, mapping, scenario, .. } = drive;
     let DriveOptions { until, threads, status_sink, flags } = options;
+    let sees = notices::sees(config, &pipeline);
+    let Pipeline { graph, assembly, route, .. } = pipeline;
     let interface = || vehicle::interface(mapping.vehicle, config);
     let intake = Intake::new(mapping, interface(), config, clock.epoch_ns()).judged_by(&clock);
     let (orders, received) = mpsc::channel();
@@ -239,6 +245,7 @@ fn drive_graph(
         gave_up: flags.gave_up.clone(),
     };
     let outlet = Outlet::new(orders.clone(), status.clone(), route.clone());
+    *lock(&outlet.checks()) = notices::unchecked(config);
     let feed = Feed {
         wire,
         intake,
@@ -255,6 +262,7 @@ fn drive_graph(
         stop_params: stop,
         flags,
         status_sink,
+        notices: Notices::new(config, mapping, sees, outlet.checks()),
     };
     let options = RunOptions::default().seed(config.seed).threads(threads);
     std::thread::scope(|scope| {

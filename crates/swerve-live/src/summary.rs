@@ -86,6 +86,10 @@ struct Topic {
     topic: String,
     /// Number of matched peers.
     matched: usize,
+    /// Peers with incompatible quality of service.
+    incompatible: u64,
+    /// Description of a peer whose type or quality of service differs.
+    mismatch: Option<String>,
     needed: bool,
     received: u64,
     used: u64,
@@ -100,6 +104,18 @@ struct Topic {
     refused: RefusedBy,
     last_refusal: Option<String>,
     clock: Option<Clock>,
+}
+
+impl Topic {
+    /// Name of the topic, and the reason why nothing of it was usable, as far as it is known.
+    fn described(&self) -> String {
+        let Self { name, topic, .. } = self;
+        match self.mismatch.as_ref().or(self.last_refusal.as_ref()) {
+            Some(why) if why.contains(topic.as_str()) => format!("{name}: {why}"),
+            Some(why) => format!("{name} ({topic}): {why}"),
+            None => format!("{name} ({topic})"),
+        }
+    }
 }
 
 /// Rejected messages by reason: by the transport, and by the intake.
@@ -189,6 +205,8 @@ impl Summary {
                 name: name.to_owned(),
                 topic: drive.mapping.topic(name).map_or_else(String::new, |t| t.topic.clone()),
                 matched: wire.map_or(0, |s| s.matched),
+                incompatible: wire.map_or(0, |s| s.incompatible),
+                mismatch: wire.and_then(|s| s.mismatch.clone()),
                 needed: located_by.contains(&role) || needs.contains(&role),
                 received: wire.map_or(tally.received, |s| s.received),
                 used: tally.used,
@@ -247,7 +265,7 @@ impl Summary {
     /// Required topics that never provided usable data.
     pub fn missing(&self) -> String {
         let missing = self.topics.iter().filter(|topic| topic.needed && topic.used == 0);
-        let missing: Vec<String> = missing.map(|topic| format!("{} ({})", topic.name, topic.topic)).collect();
+        let missing: Vec<String> = missing.map(Topic::described).collect();
         if missing.is_empty() { "not at the same time".into() } else { missing.join(", ") }
     }
 
@@ -274,6 +292,9 @@ impl Summary {
             format!("from {at_s:.2} s {}", mode_words(*mode, reason.as_deref()))
         });
         row("gate", changes.collect::<Vec<_>>().join(", "));
+        for (name, check) in &self.drive.monitors {
+            row("monitor", format!("{name}: {} messages{}", check.messages, check.words()));
+        }
         row("commands", format!("{outputs}, {} refused, {limited} limited", refused.total()));
         let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end, released } =
             self.sink;
@@ -350,6 +371,9 @@ impl Summary {
             );
         }
         for topic in &self.topics {
+            if let Some(mismatch) = &topic.mismatch {
+                let _ = writeln!(text, "{}: {mismatch}", topic.name);
+            }
             let refused = topic.refused.words();
             if !refused.is_empty() {
                 let why = topic.last_refusal.as_deref().unwrap_or("");

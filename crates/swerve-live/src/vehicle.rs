@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 use swerve_core::Time;
 use swerve_msg::{GateOutput, VehicleReport};
-use swerve_ros2::convert::Epoch;
+use swerve_ros2::convert::{Epoch, ackermann_to_ros, control_to_ros};
 use swerve_ros2::mapping::{Role, Vehicle};
 use swerve_ros2::{AnyMessage, Kind};
 use swerve_stack::config::Config;
@@ -82,11 +82,44 @@ pub trait VehicleInterface: Send {
 /// Interface of the vehicle named by the mapping.
 pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface> {
     match vehicle {
-        Vehicle::Autoware => Box::<autoware::Autoware>::default(),
+        Vehicle::Autoware => Box::new(autoware::Autoware::new(config)),
         Vehicle::Dataspeed => Box::new(dataspeed::DataspeedInterface::new(config)),
         Vehicle::Raptor => Box::new(raptor::RaptorInterface::new(config)),
         Vehicle::Carla => Box::new(carla::Carla::new(config)),
-        Vehicle::Plain => Box::new(plain::Plain),
+        Vehicle::Plain => Box::new(plain::Plain::new(config)),
+    }
+}
+
+/// Topic for commands of motion, without the pedals and steering wheel of a maker.
+struct MotionTopic {
+    kind: Kind,
+    /// Name of the frame at the centre of the rear axle.
+    base_link: String,
+}
+
+impl MotionTopic {
+    /// The topic `command` of a configuration, if it has one.
+    fn of(config: &Config) -> Option<Self> {
+        let mapping = config.ros2_mapping().ok()?;
+        let kind = mapping.with_role(Role::Command).next()?.kind;
+        Some(Self { kind, base_link: mapping.base_frame })
+    }
+
+    /// Adds the command of the gate while it is engaged or the vehicle is asked to accept commands.
+    /// `AckermannDriveStamped` cannot express that the stack does not drive: it is sent only while the gate is engaged.
+    fn push(&self, gate: &GateOutput, outgoing: &mut Outgoing) {
+        if !gate.engaged && !outgoing.asks {
+            return;
+        }
+        let motion = gate.motion();
+        let message = match self.kind {
+            Kind::AckermannDriveStamped if gate.engaged => {
+                AnyMessage::AckermannDriveStamped(ackermann_to_ros(&motion, outgoing.epoch, &self.base_link))
+            }
+            Kind::Control => AnyMessage::Control(control_to_ros(&motion, outgoing.epoch)),
+            _ => return,
+        };
+        outgoing.push(Role::Command, message);
     }
 }
 

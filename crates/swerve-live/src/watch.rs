@@ -7,11 +7,13 @@ use std::sync::{Arc, Mutex};
 use serde::Serialize;
 use swerve_core::{Span, Time};
 use swerve_flow::{Dispatcher, Event, Observer, Publication};
-use swerve_geom::{Map, Pose2};
+use swerve_geom::{Map, Point2, Pose2};
 use swerve_msg::{
-    EgoState, GateMode, GateOutput, MotionCommand, Plan, PlanStatus, Refusals, Route, VehicleReport,
+    EgoState, GateMode, GateOutput, MotionCommand, Plan, PlanStatus, Refusals, Route, SensorHealth,
+    VehicleReport,
 };
 
+use super::notices::SensorChecks;
 use super::shared::lock;
 use super::sink::Order;
 
@@ -82,6 +84,8 @@ pub struct DriveFigures {
     pub limited: u64,
     /// Number of gate outputs.
     pub outputs: u64,
+    /// Findings of the monitors of cameras and lidars, by the monitor's name.
+    pub monitors: SensorChecks,
 }
 
 /// Observer that forwards the gate's output to the sink.
@@ -98,6 +102,7 @@ struct Watch {
     before: Option<EgoState>,
     /// Reported speeds of the last second, m/s.
     speeds: VecDeque<(Time, f64)>,
+    checks: Arc<Mutex<SensorChecks>>,
 }
 
 /// Maximum number of reported speeds kept: a second at 2 kHz.
@@ -109,9 +114,14 @@ impl Outlet {
     /// Creates an observer that sends to `orders` and updates `status` for the other threads.
     pub fn new(orders: Sender<Order>, status: Arc<Mutex<DriveStatus>>, route: Route) -> Self {
         let figures = DriveFigures::default();
-        let (beside_m, speeds) = (Vec::new(), VecDeque::new());
-        let watch = Watch { orders, status, route, mode: None, figures, beside_m, before: None, speeds };
+        let (beside_m, speeds, checks) = (Vec::new(), VecDeque::new(), Arc::default());
+        let watch =
+            Watch { orders, status, route, mode: None, figures, beside_m, before: None, speeds, checks };
         let watch = Dispatcher::new(watch)
+            .on::<SensorHealth>(|watch, publication, health| {
+                let mut checks = lock(&watch.checks);
+                checks.entry(publication.operator.to_owned()).or_default().take(health);
+            })
             .on::<GateOutput>(Watch::gate)
             .on::<EgoState>(Watch::pose)
             .on::<VehicleReport>(Watch::report)
@@ -120,6 +130,11 @@ impl Outlet {
                 (status.plan, status.planned) = (Some(plan.status), Some(publication.visible_at));
             });
         Self(watch)
+    }
+
+    /// Findings of the monitors so far, for the other threads.
+    pub(super) fn checks(&self) -> Arc<Mutex<SensorChecks>> {
+        self.0.state().checks.clone()
     }
 
     /// Returns the metrics and closes the channel of orders; the sink then stops a car that is still driven.
@@ -138,6 +153,7 @@ impl Watch {
         self.figures.beside_p50_m = at(0.5);
         self.figures.beside_p99_m = at(0.99);
         self.figures.beside_max_m = at(1.0);
+        self.figures.monitors = std::mem::take(&mut *lock(&self.checks));
         self.figures
     }
 

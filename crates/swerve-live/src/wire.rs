@@ -1,14 +1,14 @@
 //! Transport of messages.
 
 use core::time::Duration;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use swerve_core::{Span, Time};
 use swerve_drive::program::Program;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, Endpoint, EndpointId, Options, ServiceSide, TopicStatistics};
-use swerve_ros2::mapping::{Mapping, Role, Side};
+use swerve_ros2::mapping::{Mapping, Purpose, Role, Side};
 use swerve_ros2::transport::{Transport, TransportProcess};
 use swerve_stack::Setup;
 use swerve_stack::config::live::{EnableBy, LiveConfig};
@@ -99,6 +99,12 @@ pub trait Wire: Sync {
     /// Statistics of the topics.
     fn statistics(&self) -> Vec<TopicStatistics>;
 
+    /// Reasons why nothing usable arrives on a topic, each with the topic's name in the mapping; by what is known
+    /// without waiting.
+    fn faults(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
+
     /// Passes the state to the transport from which it stops the vehicle if this program dies.
     fn leave(&self, _: &Legacy) {}
 
@@ -127,6 +133,8 @@ pub(super) fn transport(mapping: &Mapping, options: &Options, setup: Vec<u8>) ->
 pub struct BridgeWire {
     bridge: Transport,
     sends: BTreeMap<Role, EndpointId>,
+    /// Names of the topics that have one publisher.
+    single: BTreeSet<String>,
 }
 
 impl BridgeWire {
@@ -137,7 +145,9 @@ impl BridgeWire {
     pub fn start(config: &Setup, mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
         let options = options(mapping, live);
         let bridge = transport(mapping, &options, config.to_text().into_bytes())?;
-        Ok(Self { sends: sends(mapping, &options.endpoints), bridge })
+        let single = mapping.topics.iter().filter(|topic| has_one_publisher(topic.role));
+        let single = single.map(|topic| topic.name.clone()).collect();
+        Ok(Self { sends: sends(mapping, &options.endpoints), bridge, single })
     }
 
     /// Stops the node.
@@ -151,6 +161,12 @@ impl BridgeWire {
     }
 }
 
+/// Returns true for measurements and reports, of which several sources contradict each other.
+fn has_one_publisher(role: Role) -> bool {
+    use Purpose::{Localization, Perception, Report, Sensor};
+    matches!(role.purpose(), Localization | Perception | Report | Sensor)
+}
+
 /// Sending endpoints by role.
 pub(super) fn sends(mapping: &Mapping, endpoints: &[Endpoint]) -> BTreeMap<Role, EndpointId> {
     let sent = endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
@@ -162,7 +178,7 @@ pub(super) fn sends(mapping: &Mapping, endpoints: &[Endpoint]) -> BTreeMap<Role,
 }
 
 /// Name suffix of endpoints for our own messages on topics on which a person's messages are also received.
-const OWN: &str = " (own)";
+pub(super) const OWN: &str = " (own)";
 
 /// Options for the stack's side of a mapping. If a person operates the switch, its topics are also received.
 pub(super) fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
@@ -208,6 +224,18 @@ impl Wire for BridgeWire {
 
     fn statistics(&self) -> Vec<TopicStatistics> {
         self.bridge.statistics()
+    }
+
+    fn faults(&self) -> Vec<(String, String)> {
+        let latest = self.bridge.latest_statistics();
+        let fault = |topic: &TopicStatistics| Some((topic.name.clone(), topic.fault()?.replace(OWN, "")));
+        let is_crowded = |topic: &&TopicStatistics| topic.matched > 1 && self.single.contains(&topic.name);
+        let crowd = |topic: &TopicStatistics| {
+            let message = format!("{} has {} publishers, expected one", topic.topic, topic.matched);
+            (topic.name.clone(), message)
+        };
+        let crowds = latest.iter().filter(is_crowded).map(crowd);
+        latest.iter().filter_map(fault).chain(crowds).collect()
     }
 
     fn leave(&self, legacy: &Legacy) {

@@ -4,8 +4,9 @@
 //! `dds` turns on:
 //!
 //! - RustDDS does not pad fragments to four bytes: every message is padded (`cdr`);
-//! - type names are not compared when matching: a writer of another type is detected through discovery, and its
-//!   messages are rejected, as are messages that fail their check;
+//! - type names are not compared when matching: a writer of another type is detected through discovery and described
+//!   ([`TopicStatistics::mismatch`]), and its messages are rejected, as are messages that fail their check. Other
+//!   middlewares compare the types and send nothing;
 //! - ros2-client's own executor subscribes to `/clock` with another type than ROS publishes, and offers parameter
 //!   services that only one middleware understands: it is not run, and `/clock` is an ordinary topic;
 //! - matching is tracked through DDS status events ([`Bridge::wait_matched`]): a message published
@@ -16,6 +17,8 @@
 //! - a reader that lost fragments floods the log: a program that installs a logger should silence
 //!   `rustdds::structure`.
 
+#[cfg(any(feature = "dds", test))]
+mod mismatch;
 #[cfg(feature = "dds")]
 mod node;
 #[cfg(not(feature = "dds"))]

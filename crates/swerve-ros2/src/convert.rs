@@ -25,9 +25,9 @@ use crate::msg::builtin_interfaces as builtin;
 use crate::msg::std_msgs::Header;
 
 pub use actuation::{
-    AccelLimits, Dataspeed, Raptor, SteeringGear, carla_control, carla_steering_from_ros, control_from_ros,
-    control_to_ros, dataspeed_speed_from_ros, dataspeed_steering_from_ros, driver_active,
-    raptor_speed_from_ros,
+    AccelLimits, Dataspeed, Raptor, SteeringGear, ackermann_from_ros, ackermann_to_ros, carla_control,
+    carla_steering_from_ros, control_from_ros, control_to_ros, dataspeed_speed_from_ros,
+    dataspeed_steering_from_ros, driver_active, raptor_speed_from_ros,
 };
 pub use cloud::{cloud_from_ros, cloud_to_ros};
 pub use image::{camera_from_ros, camera_to_ros, image_from_ros, image_to_ros};

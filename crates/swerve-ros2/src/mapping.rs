@@ -144,17 +144,18 @@ impl Mapping {
             }
         }
         self.topics.sort_by(|a, b| a.name.cmp(&b.name));
-        let mut taken: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
+        let mut taken: BTreeMap<&str, &TopicMap> = BTreeMap::new();
         for topic in self.topics.iter().filter(|topic| !topic.topic.is_empty()) {
-            let here = (topic.name.as_str(), topic.role.side());
-            if let Some((other, side)) = taken.insert(&topic.topic, here)
-                && side == here.1
-            {
-                table.report(
-                    &format!("{}.topic", topic.name),
-                    format!("`{other}` is on `{}` too", topic.topic),
-                );
-            }
+            let Some(other) = taken.insert(&topic.topic, topic) else { continue };
+            let (name, kind) = (&other.name, other.kind);
+            let message = if other.role.side() == topic.role.side() {
+                format!("`{name}` is on `{}` too", topic.topic)
+            } else if kind != topic.kind {
+                format!("`{name}` is on `{}` too, with messages of type {kind}", topic.topic)
+            } else {
+                continue;
+            };
+            table.report(&format!("{}.topic", topic.name), message);
         }
     }
 

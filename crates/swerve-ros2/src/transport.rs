@@ -208,6 +208,15 @@ impl Transport {
             state.session.as_ref().is_some_and(|session| session.orders.try_send(Order::Count).is_ok());
         drop(state);
         let (state, _) = self.shared.wait(COUNT_WITHIN, |state| !asked || state.counted > counted);
+        self.newest(&state)
+    }
+
+    /// As [`statistics`](Self::statistics), by the latest report of the process, without asking for a new one.
+    pub fn latest_statistics(&self) -> Vec<TopicStatistics> {
+        self.newest(&self.shared.lock())
+    }
+
+    fn newest(&self, state: &State) -> Vec<TopicStatistics> {
         let newest = |i: usize| {
             let earlier = state.earlier.get(i);
             let newest = state.counts.get(i).or(earlier).cloned();

@@ -73,7 +73,7 @@ use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
 use crate::controllers::{NamedController as _, Pid, Stanley};
-use crate::problems::outside;
+use crate::problems::problems_of_ranges;
 
 /// A whole configuration: operators, their run times, and recording.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -337,8 +337,14 @@ impl Config {
             params.ignored_after_s = 0.0;
         }
         let params: GateParams = overridden(&params, &self.gate.params)?;
-        params.validate().map_err(outside)?;
-        Ok(params)
+        // A limit that the vehicle gives is a problem of the vehicle.
+        let is_of_vehicle =
+            |key: &str| !self.gate.params.contains_key(key) && self.sim.vehicle.validate().is_err();
+        let problems = problems_of_ranges(&params);
+        match problems.is_empty() {
+            true => Ok(params),
+            false => Err(problems.into_iter().filter(|(key, _)| !is_of_vehicle(key)).collect()),
+        }
     }
 
     /// Process that takes the steps of an operator; `None` for this one.

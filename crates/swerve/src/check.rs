@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use swerve_drive::shipped::Kind;
-use swerve_drive::trust;
+use swerve_drive::{files_of, is_foreign, trust};
 use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
 use swerve_report::output::{quoted, tell};
@@ -14,13 +14,16 @@ use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
 use swerve_stack::pipeline::drawn;
 use swerve_study::Bench;
-use swerve_text::{Document, Problem, Problems};
+use swerve_text::{Document, Problem, Problems, parse_assignments};
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CheckArgs {
     /// Files, folders or built-in files to check [default: scenarios and configs]
     paths: Vec<PathBuf>,
+    /// Set a key of the configurations, as for `swerve run` and `swerve live`
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
 }
 
 /// Folders checked by default.
@@ -63,7 +66,7 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
             files.extend(ours);
             foreign.extend(others);
         } else {
-            files.push(path.clone())
+            files.extend(files_of(path));
         }
     }
     if !foreign.is_empty() {
@@ -74,10 +77,11 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
         let folders: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
         bail!("{}: no .toml file in this folder: expected files to check", folders.join(", "));
     }
-    let mut faults = Vec::new();
+    let (sets, mut faults) = (parse_assignments(&args.set)?, Vec::new());
     for file in &files {
         // A study repeats the problems of its scenario and configuration, which may be among the files.
-        let new: Vec<String> = problems(registry, file).into_iter().filter(|p| !faults.contains(p)).collect();
+        let new: Vec<String> =
+            problems(registry, file, &sets).into_iter().filter(|p| !faults.contains(p)).collect();
         faults.extend(new);
     }
     let files = counted(files.len(), "file");
@@ -88,18 +92,6 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
         tell(fault);
     }
     bail!("{} in {files}", counted(faults.len(), "problem"))
-}
-
-/// True if a file of a folder belongs to another program, such as a Cargo manifest: none of its tables and values has a
-/// name known to Swerve.
-fn is_foreign(path: &Path) -> bool {
-    const OURS: [&str; 7] = ["road", "map", "expect", "actor", "base", "axis", "span_ms"];
-    let Ok(document) = Document::read(path) else { return false };
-    let is_ours = |key: &String| {
-        OURS.contains(&key.as_str())
-            || swerve_text::keys::<Config>("").is_some_and(|keys| keys.contains(&key.as_str()))
-    };
-    !document.table.is_empty() && !document.table.keys().any(is_ours)
 }
 
 fn counted(n: usize, what: &str) -> String {
@@ -121,7 +113,7 @@ fn read(path: &Path) -> Result<Document, Problem> {
 }
 
 /// Detects the kind of a file from its top-level keys and returns its problems.
-fn problems(registry: &Registry, path: &Path) -> Vec<String> {
+fn problems(registry: &Registry, path: &Path, sets: &[(String, toml::Value)]) -> Vec<String> {
     let document = match read(path) {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
@@ -159,7 +151,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         report(swerve_timing::read_file(path).err().unwrap_or_default())
     } else {
-        let config = Setup::from_document_with(registry, &document, &[]);
+        let config = Setup::from_document_with(registry, &document, sets);
         let mut all: Vec<String> = report(match config {
             Ok(mut config) => {
                 let doubt = Kind::Config.doubt(path, &document.text);
@@ -172,7 +164,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
             }
             Err(problems) => problems,
         });
-        if path.exists() {
+        if path.exists() && !sets.iter().any(|(key, _)| key == "live.route") {
             all.extend(swerve_live::route_problems(path, &document));
         }
         all

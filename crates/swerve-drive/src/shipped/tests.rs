@@ -77,6 +77,7 @@ fn name_is_found_in_any_notation() {
     assert_eq!(path(Kind::Config, "paper"), Some("configs/paper.toml"));
     assert_eq!(path(Kind::Config, "live/autoware"), Some("configs/live/autoware.toml"));
     assert_eq!(path(Kind::Live, "autoware"), Some("configs/live/autoware.toml"));
+    assert_eq!(path(Kind::Config, "autoware"), Some("configs/live/autoware.toml"));
     assert_eq!(path(Kind::Study, "planners"), Some("configs/studies/planners.toml"));
     for given in ["detour", "detour.json", "configs/problems/detour.json"] {
         assert_eq!(path(Kind::Problems, given), Some("configs/problems/detour.json"), "{given}");

@@ -11,7 +11,9 @@ use swerve_msg::{GateMode, MotionCommand, StopCause, Switch, WireAlarm};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{EndpointId, Received};
 use swerve_ros2::clock::{ClockOffset, ClockParams, StampVerdict};
-use swerve_ros2::convert::{Epoch, SteeringGear, carla_steering_from_ros, control_from_ros};
+use swerve_ros2::convert::{
+    Epoch, SteeringGear, ackermann_from_ros, carla_steering_from_ros, control_from_ros,
+};
 use swerve_ros2::mapping::{Mapping, Purpose, Role};
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 use swerve_ros2::msg::builtin_interfaces as builtin;
@@ -234,6 +236,10 @@ impl Listener {
                     command.accel_mps2 = SPEED_GAIN_PER_S * (command.speed_mps - speed_mps);
                 }
                 self.send(now, Some(control.stamp), command);
+            }
+            (_, AnyMessage::AckermannDriveStamped(command)) => {
+                let stamp = command.header.stamp;
+                self.send(now, Some(stamp), ackermann_from_ros(command, Epoch::default()));
             }
             (_, message) => {
                 if let Some((stamp, command)) = self.wire.take(message, now, speed_mps) {

@@ -2,18 +2,42 @@
 
 use swerve_msg::{GateMode, GateOutput, StopCause};
 use swerve_ros2::AnyMessage;
-use swerve_ros2::convert::{control_to_ros, driver_active};
+use swerve_ros2::convert::driver_active;
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::autoware_vehicle_msgs::{
     Engage, GearCommand, GearReport, HazardLightsCommand, TurnIndicatorsCommand,
 };
+use swerve_stack::config::Config;
 
-use super::{Facts, Outgoing, VehicleInterface};
+use super::{Facts, MotionTopic, Outgoing, VehicleInterface};
 
 /// Autoware's vehicle interface: angle of the road wheels, speed and acceleration.
-#[derive(Default)]
 pub(super) struct Autoware {
+    commands: Option<MotionTopic>,
     engaged_before: bool,
+}
+
+impl Autoware {
+    pub(super) fn new(config: &Config) -> Self {
+        Self { commands: MotionTopic::of(config), engaged_before: false }
+    }
+}
+
+/// State that a report of Autoware's types contains.
+pub(super) fn facts(message: &AnyMessage) -> Facts {
+    let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
+    facts.listens = facts.driver.map(|driver| !driver);
+    match message {
+        AnyMessage::VelocityReport(report) => {
+            facts.speed_mps = Some(f64::from(report.longitudinal_velocity));
+            facts.yaw_rate_radps = Some(f64::from(report.heading_rate));
+        }
+        AnyMessage::SteeringReport(report) => {
+            facts.steering_rad = Some(f64::from(report.steering_tire_angle));
+        }
+        _ => {}
+    }
+    facts
 }
 
 const OFF: u8 = 1;
@@ -25,27 +49,14 @@ impl VehicleInterface for Autoware {
     }
 
     fn facts(&self, message: &AnyMessage) -> Facts {
-        let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
-        facts.listens = facts.driver.map(|driver| !driver);
-        match message {
-            AnyMessage::VelocityReport(report) => {
-                facts.speed_mps = Some(f64::from(report.longitudinal_velocity));
-                facts.yaw_rate_radps = Some(f64::from(report.heading_rate));
-            }
-            AnyMessage::SteeringReport(report) => {
-                facts.steering_rad = Some(f64::from(report.steering_tire_angle));
-            }
-            _ => {}
-        }
-        facts
+        facts(message)
     }
 
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let stamp = outgoing.epoch.stamp(outgoing.now);
         let engaged_before = core::mem::replace(&mut self.engaged_before, gate.engaged);
-        if gate.engaged || outgoing.asks {
-            let control = control_to_ros(&gate.motion(), outgoing.epoch);
-            outgoing.push(Role::Command, AnyMessage::Control(control));
+        if let Some(topic) = &self.commands {
+            topic.push(gate, outgoing);
         }
         // The gear and the lights of a car in manual mode are the driver's; those of a stop are turned off once.
         if !gate.engaged && !engaged_before {

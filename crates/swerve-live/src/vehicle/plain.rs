@@ -1,17 +1,30 @@
-//! Interface without drive-by-wire.
+//! Interface of vehicles without the messages of a drive-by-wire system.
 
 use swerve_msg::GateOutput;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::mapping::Role;
+use swerve_stack::config::Config;
 
-use super::{Facts, Outgoing, VehicleInterface};
+use super::{Facts, MotionTopic, Outgoing, VehicleInterface, autoware};
 
-/// No drive-by-wire: the stack observes, and publishes its plans.
-pub(super) struct Plain;
+/// Without a topic for commands, the stack observes, and publishes its plans. With one, it drives: the odometry gives the
+/// speed, and reports have Autoware's types.
+pub(super) struct Plain {
+    commands: Option<MotionTopic>,
+}
+
+impl Plain {
+    pub(super) fn new(config: &Config) -> Self {
+        Self { commands: MotionTopic::of(config) }
+    }
+}
 
 impl VehicleInterface for Plain {
     fn needs(&self) -> &'static [Role] {
-        &[Role::Odometry]
+        match self.commands {
+            Some(_) => &[Role::Odometry, Role::Steering],
+            None => &[Role::Odometry],
+        }
     }
 
     fn facts(&self, message: &AnyMessage) -> Facts {
@@ -24,11 +37,15 @@ impl VehicleInterface for Plain {
                     ..Facts::default()
                 }
             }
-            _ => Facts::default(),
+            report => autoware::facts(report),
         }
     }
 
-    fn command(&mut self, _: &GateOutput, _: &mut Outgoing) {}
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
+        if let Some(topic) = self.commands.as_ref().filter(|_| gate.engaged) {
+            topic.push(gate, outgoing);
+        }
+    }
 
     fn enable(&mut self, _: bool, _: &mut Outgoing) {}
 }

@@ -2,6 +2,8 @@
 
 use swerve_core::Span;
 use swerve_msg::{GateMode, MotionCommand, StopCause};
+use swerve_ros2::env::Network;
+use swerve_ros2::mapping::{Mapping, Qos, Side, TopicMap};
 use swerve_ros2::msg::carla_msgs::CarlaEgoVehicleStatus;
 use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 use swerve_stack::Setup;
@@ -197,6 +199,97 @@ fn carla_steers_to_the_right_with_positive_values_and_is_left_alone_until_engage
         panic!("no control")
     };
     assert_eq!(control.steer, 1.0);
+}
+
+#[test]
+fn ackermann_command_has_each_field_and_is_sent_only_while_engaged() {
+    let ackermann = "[ros2.topics.command]\ntopic = \"/drive\"\ntype = \"ackermann_msgs/msg/AckermannDriveStamped\"\n\
+                     [ros2.topics.steering]\ntopic = \"/steering\"\n[ros2.topics.enable]\ntopic = \"/enable\"\n";
+    for (vehicle, name) in [(Vehicle::Autoware, "autoware"), (Vehicle::Plain, "plain")] {
+        let config =
+            config(&format!("[ros2]\nvehicle = \"{name}\"\nframes.base_link = \"rear_axle\"\n{ackermann}"));
+        let mut car = interface(vehicle, &config);
+        let mut output = gate(-1.5);
+        output.command.stamp = Time::from_ms(1500);
+        let sent = messages(&mut *car, &output);
+        let AnyMessage::AckermannDriveStamped(command) = &sent[&Role::Command] else { panic!("{sent:?}") };
+        let drive = command.drive;
+        assert_eq!((drive.steering_angle, drive.speed, drive.acceleration), (0.1, 5.0, -1.5), "{name}");
+        assert_eq!((drive.steering_angle_velocity, drive.jerk), (0.0, 0.0));
+        assert_eq!((command.header.stamp.sec, command.header.stamp.nanosec), (11, 500_000_000));
+        assert_eq!(command.header.frame_id, "rear_axle");
+        // While stopping: zero speed and the brake.
+        let stop = GateOutput { mode: GateMode::Stopping(StopCause::Emergency), ..output };
+        let sent = messages(&mut *car, &stop);
+        let AnyMessage::AckermannDriveStamped(command) = &sent[&Role::Command] else { panic!("{sent:?}") };
+        assert!(command.drive.speed == 0.0 && command.drive.acceleration < 0.0, "{command:?}");
+        let manual = GateOutput { mode: GateMode::Manual, engaged: false, ..output };
+        assert!(!messages(&mut *car, &manual).contains_key(&Role::Command), "{name}");
+        assert!(car.needs().contains(&Role::Steering));
+    }
+    let watched = interface(Vehicle::Plain, &config("[ros2]\nvehicle = \"plain\"\n"));
+    assert_eq!(watched.needs(), [Role::Odometry]);
+}
+
+/// The tables of the page about topics.
+#[test]
+fn documented_topics_are_those_of_the_program() {
+    let page = include_str!("../../../../docs/howto/vehicle_topics.md");
+    for vehicle in [Vehicle::Autoware, Vehicle::Dataspeed, Vehicle::Raptor, Vehicle::Carla, Vehicle::Plain] {
+        let name = vehicle.name();
+        let mapping = Mapping::of(vehicle, Network::default());
+        let needs = interface(vehicle, &config(&format!("[ros2]\nvehicle = \"{name}\"\n")));
+        let rows = |topic: &TopicMap| {
+            let direction = match topic.role {
+                Role::Enable | Role::Disable => "both",
+                role if role.side() == Side::Vehicle => "to Swerve",
+                _ => "from Swerve",
+            };
+            let code = |text: &str| if text.is_empty() { "-".to_owned() } else { format!("`{text}`") };
+            let (kind, rate_hz) = (topic.kind, topic.rate_max_hz.unwrap_or_default());
+            let kind = format!("{}/{}", kind.package(), kind.name());
+            [code(&topic.name), code(&topic.topic), direction.into(), code(&kind), code(&topic.frame)]
+                .into_iter()
+                .chain([rate_hz.to_string(), qos_words(topic.qos)])
+                .collect::<Vec<String>>()
+        };
+        let section = page.split(&format!("\n## `{name}`\n")).nth(1).unwrap_or_else(|| panic!("{name}"));
+        let section = section.split("\n## ").next().unwrap();
+        let cells = section.lines().filter(|line| line.starts_with("| `")).map(|line| {
+            line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<String>>()
+        });
+        let written: Vec<Vec<String>> = cells.collect();
+        let compared: Vec<Vec<String>> = written.iter().map(|row| [&row[..4], &row[5..8]].concat()).collect();
+        assert_eq!(compared, mapping.topics.iter().map(rows).collect::<Vec<_>>(), "{name}");
+        for (row, topic) in written.iter().zip(&mapping.topics) {
+            let is_needed = topic.role == Role::Odometry || needs.needs().contains(&topic.role);
+            assert_eq!(row[8].starts_with("**needed**"), is_needed, "{name}: {row:?}");
+            assert!(!row[4].is_empty() && !row[8].is_empty(), "{name}: {row:?}");
+        }
+    }
+    for (name, qos) in PROFILES {
+        let reliability = if qos.reliable { "reliable" } else { "best effort" };
+        let durability = if qos.transient_local { "transient local" } else { "volatile" };
+        let row = format!("| `{name}` | {reliability} | {durability} | {} |", qos.depth);
+        assert!(page.contains(&row), "{row}");
+    }
+}
+
+const PROFILES: [(&str, Qos); 4] = [
+    ("sensor", Qos::SENSOR),
+    ("default", Qos::DEFAULT),
+    ("vehicle", Qos::VEHICLE),
+    ("latched", Qos::LATCHED),
+];
+
+fn qos_words(qos: Qos) -> String {
+    match PROFILES.iter().find(|(_, profile)| *profile == qos) {
+        Some((name, _)) => format!("`{name}`"),
+        None => {
+            assert!(qos.reliable && !qos.transient_local, "{qos:?}");
+            format!("reliable, {}", qos.depth)
+        }
+    }
 }
 
 #[test]

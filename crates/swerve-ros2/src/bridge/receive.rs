@@ -9,10 +9,12 @@ use futures::stream::{self, LocalBoxStream, StreamExt};
 use futures::{FutureExt, executor};
 use ros2_client::dds::Subscription;
 use ros2_client::dds::rustdds::{
-    DomainParticipant, DomainParticipantStatusEvent as Status, GUID, StatusEvented,
+    DomainParticipant, DomainParticipantStatusEvent as Status, EndpointDescription, GUID, QosPolicies,
+    StatusEvented, policy,
 };
 use ros2_client::{Gid, MessageInfo, ReadError, ReadResult};
 
+use super::mismatch::{self, OtherQos};
 use super::statistics::{Counters, TopicStatistics};
 use super::{Direction, Endpoint, Received, WriterGuid};
 use crate::clock::{ClockEstimator, ClockParams};
@@ -51,6 +53,11 @@ struct Topic {
     /// Known writers: the newest sequence number, and the type if it differs from the topic's.
     writers: BTreeMap<EndpointGid, Writer>,
     matched: BTreeSet<EndpointGid>,
+    /// Our endpoint, and its topic's name in DDS.
+    endpoint: Endpoint,
+    dds_topic: String,
+    /// Discovered writers and readers that cannot exchange messages with us, each with its description.
+    mismatches: BTreeMap<EndpointGid, String>,
 }
 
 struct Writer {
@@ -73,6 +80,9 @@ impl State {
             clock: judge.filter(|_| endpoint.direction == Direction::Receive).map(ClockEstimator::new),
             writers: BTreeMap::new(),
             matched: BTreeSet::new(),
+            endpoint: endpoint.clone(),
+            dds_topic: format!("rt{}", endpoint.topic),
+            mismatches: BTreeMap::new(),
         };
         Self { topics: endpoints.iter().map(topic).collect(), search_from: 0 }
     }
@@ -108,10 +118,26 @@ impl State {
         let topic = &self.topics[id];
         TopicStatistics {
             matched: topic.matched.len(),
+            mismatch: topic.mismatches.values().next().cloned(),
             overwritten: topic.inbox.overwritten,
             over_rate: topic.inbox.over_rate,
             clock: topic.clock.as_ref().and_then(ClockEstimator::offset),
             ..topic.counters.statistics(endpoint)
+        }
+    }
+}
+
+impl State {
+    /// Compares the type of a discovered writer or reader with those of our endpoints on its topic.
+    fn compare_types(&mut self, ours: Direction, other: &EndpointDescription) {
+        let ours =
+            |topic: &&mut Topic| topic.endpoint.direction == ours && topic.dds_topic == other.topic_name;
+        for topic in self.topics.iter_mut().filter(ours) {
+            match mismatch::of_type(&topic.endpoint, &other.type_name) {
+                Some(mismatch) => topic.describe(other.guid, mismatch),
+                // It was announced anew; its quality of service is compared next.
+                None => drop(topic.mismatches.remove(&name(other.guid))),
+            }
         }
     }
 }
@@ -171,6 +197,26 @@ impl Topic {
             writer.newest = number;
         }
         writer.wrong_type.clone()
+    }
+}
+
+impl Topic {
+    /// Keeps the description of a writer or reader that does not fit; a later one of the same replaces it.
+    fn describe(&mut self, other: GUID, mismatch: String) {
+        if self.mismatches.len() < WRITERS_MAX || self.mismatches.contains_key(&name(other)) {
+            self.mismatches.insert(name(other), mismatch);
+        }
+    }
+
+    /// Records the mismatch in quality of service, unless the types differ as well.
+    fn describe_qos(&mut self, other: GUID, qos: &QosPolicies) {
+        self.counters.incompatible += 1;
+        if !self.mismatches.contains_key(&name(other)) {
+            let reliable = matches!(qos.reliability(), Some(policy::Reliability::Reliable { .. }));
+            let transient_local = qos.durability().is_some_and(|kind| kind != policy::Durability::Volatile);
+            let mismatch = mismatch::of_qos(&self.endpoint, OtherQos { reliable, transient_local });
+            self.describe(other, mismatch);
+        }
     }
 }
 
@@ -247,12 +293,25 @@ fn follow(state: &mut State, local: &Local, status: &Status) {
             for topic in &mut state.topics {
                 topic.matched.remove(&name(*guid));
                 topic.writers.remove(&name(*guid));
+                topic.mismatches.remove(&name(*guid));
             }
         }
-        Status::RemoteReaderQosIncompatible { local_writer: ours, .. }
-        | Status::RemoteWriterQosIncompatible { local_reader: ours, .. } => {
+        Status::ReaderDetected { reader: other } => state.compare_types(Direction::Send, other),
+        Status::WriterDetected { writer: other } => state.compare_types(Direction::Receive, other),
+        Status::RemoteReaderQosIncompatible {
+            local_writer: ours,
+            remote_reader: other,
+            requested_qos: qos,
+            ..
+        }
+        | Status::RemoteWriterQosIncompatible {
+            local_reader: ours,
+            remote_writer: other,
+            offered_qos: qos,
+            ..
+        } => {
             if let Some(i) = local.find(*ours) {
-                state.topics[i].counters.incompatible += 1;
+                state.topics[i].describe_qos(*other, qos);
             }
         }
         _ => {}

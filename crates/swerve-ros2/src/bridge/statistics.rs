@@ -22,6 +22,9 @@ pub struct TopicStatistics {
     pub matched: usize,
     /// Number of readers or writers with incompatible quality of service.
     pub incompatible: u64,
+    /// Description of a discovered writer or reader that cannot exchange messages with this node, since its type or its
+    /// quality of service differs.
+    pub mismatch: Option<String>,
     /// Messages received, valid or not.
     pub received: u64,
     /// Messages taken by the reader.
@@ -52,6 +55,13 @@ impl TopicStatistics {
     /// Empty statistics of a topic.
     pub(crate) fn none(endpoint: &Endpoint) -> Self {
         Counters::default().statistics(endpoint)
+    }
+
+    /// Reason why nothing of this topic is usable, as far as it is known: another type or quality of service, or the
+    /// reason for the latest rejection if every message was rejected.
+    pub fn fault(&self) -> Option<&str> {
+        let rejected = self.last_refusal.as_deref().filter(|_| self.delivered == 0);
+        self.mismatch.as_deref().or(rejected)
     }
 
     /// Adds earlier statistics.
@@ -170,6 +180,7 @@ impl Counters {
             kind: endpoint.kind,
             matched: 0,
             incompatible: self.incompatible,
+            mismatch: None,
             received: self.received,
             delivered: self.delivered,
             overwritten: 0,

@@ -5,7 +5,9 @@ use swerve_msg::{Command, MotionCommand};
 
 use super::{ConvertError, Epoch};
 use crate::AnyMessage;
+use crate::msg::ackermann_msgs::{AckermannDrive, AckermannDriveStamped};
 use crate::msg::autoware_control_msgs::{Control, Lateral, Longitudinal};
+use crate::msg::std_msgs::Header;
 use crate::msg::{autoware_vehicle_msgs, carla_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
 /// Converts a command to Autoware's control message.
@@ -42,6 +44,32 @@ pub fn control_from_ros(control: &Control, epoch: Epoch) -> MotionCommand {
         steering_rad: f64::from(control.lateral.steering_tire_angle),
         speed_mps: f64::from(longitudinal.velocity),
         accel_mps2: f64::from(accel),
+    }
+}
+
+/// Converts a command to `AckermannDriveStamped`: angle of the road wheels in radians, positive to the left; speed in
+/// m/s and acceleration in m/s^2, negative while braking. The rates of angle and acceleration are zero, which leaves them
+/// to the vehicle. `base_link` is the frame at the centre of the rear axle.
+pub fn ackermann_to_ros(command: &MotionCommand, epoch: Epoch, base_link: &str) -> AckermannDriveStamped {
+    AckermannDriveStamped {
+        header: Header { stamp: epoch.stamp(command.stamp), frame_id: base_link.to_owned() },
+        drive: AckermannDrive {
+            steering_angle: command.steering_rad as f32,
+            steering_angle_velocity: 0.0,
+            speed: command.speed_mps as f32,
+            acceleration: command.accel_mps2 as f32,
+            jerk: 0.0,
+        },
+    }
+}
+
+/// Converts `AckermannDriveStamped`; the rates of angle and acceleration are not used.
+pub fn ackermann_from_ros(command: &AckermannDriveStamped, epoch: Epoch) -> MotionCommand {
+    MotionCommand {
+        stamp: epoch.time(command.header.stamp),
+        steering_rad: f64::from(command.drive.steering_angle),
+        speed_mps: f64::from(command.drive.speed),
+        accel_mps2: f64::from(command.drive.acceleration),
     }
 }
 

@@ -23,7 +23,7 @@ impl Qos {
     /// For maps and static transforms: the newest message, also for late joiners.
     pub const LATCHED: Self = Self { reliable: true, transient_local: true, depth: 1 };
 
-    pub(super) const NAMES: [(&str, Self); 4] = [
+    pub(crate) const NAMES: [(&str, Self); 4] = [
         ("sensor", Self::SENSOR),
         ("default", Self::DEFAULT),
         ("vehicle", Self::VEHICLE),

@@ -105,7 +105,7 @@ roles! {
     // Other road users from external perception.
     Objects = "objects": Vehicle, Perception, [PredictedObjects], Qos::DEFAULT, 100.0;
     // Commands of the stack.
-    Command = "command": Stack, Motion, [Control, CarlaEgoVehicleControl], Qos::VEHICLE, 500.0;
+    Command = "command": Stack, Motion, [Control, CarlaEgoVehicleControl, AckermannDriveStamped], Qos::VEHICLE, 500.0;
     SteeringCommand = "steering_command": Stack, Motion, [DataspeedSteeringCmd, RaptorSteeringCmd], Qos::VEHICLE, 500.0;
     BrakeCommand = "brake_command": Stack, Motion, [DataspeedBrakeCmd, RaptorBrakeCmd], Qos::VEHICLE, 500.0;
     ThrottleCommand = "throttle_command": Stack, Motion, [DataspeedThrottleCmd, RaptorAcceleratorPedalCmd], Qos::VEHICLE, 500.0;

@@ -138,6 +138,8 @@ fn mapping_errors_name_the_key_and_the_nearest_valid_one() {
         ("topics.imu.rate_max_hz = nan", "topics.imu.rate_max_hz: expected a number from 0.01 to 100000, found nan"),
         ("topics.imu.topic = '/sensing/gnss/nav_sat_fix'",
          "topics.imu.topic: `gnss` is on `/sensing/gnss/nav_sat_fix` too"),
+        ("topics.odometry.topic = '/control/command/control_cmd'",
+         "topics.odometry.topic: `command` is on `/control/command/control_cmd` too, with messages of type autoware_control_msgs/msg/Control"),
         ("topics.imu.role = 'gnss'", "topics.imu.role: it is `imu` in the vehicle's table"),
         ("node = '1st'", "node: expected a name of letters, digits and `_`, found the text \"1st\""),
         ("topics.lidar = 3", "topics.lidar: expected a table, found 3"),

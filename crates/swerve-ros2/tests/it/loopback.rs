@@ -121,6 +121,14 @@ fn bridge_rejects_writers_of_another_type() {
     let reader = Bridge::start(&options("reader", network, reader)).unwrap();
     assert!(odd.wait_matched(EndpointId(0), 1, PATIENCE), "the transport compares types by now");
     reader.wait_matched(EndpointId(0), 1, PATIENCE);
+    let mismatch = |bridge: &Bridge| bridge.statistics()[0].mismatch.clone();
+    assert_eq!(
+        mismatch(&reader).as_deref(),
+        Some(
+            "/loop/imu is published as autoware_vehicle_msgs/msg/GearReport, expected \
+             autoware_vehicle_msgs/msg/SteeringReport"
+        )
+    );
     for _ in 0..5 {
         odd.publish(EndpointId(0), sample(Kind::GearReport)).unwrap();
     }
@@ -134,6 +142,15 @@ fn bridge_rejects_writers_of_another_type() {
     let statistics = &reader.statistics()[0];
     assert_eq!(statistics.received - statistics.refused.total(), 1, "{statistics:?}");
     assert!(statistics.refused.total() == 5, "{statistics:?}");
+    // A writer that ends is forgotten.
+    drop(odd);
+    for _ in 0..100 {
+        if mismatch(&reader).is_none() {
+            break;
+        }
+        reader.wait(Duration::from_millis(100));
+    }
+    assert_eq!(mismatch(&reader), None);
 }
 
 /// A reliable reader and a best-effort writer never match, and this is reported.
@@ -151,6 +168,13 @@ fn bridge_counts_incompatible_qos() {
         reader.wait_matched(EndpointId(0), 1, Duration::from_millis(100));
     }
     assert!(reader.statistics()[0].incompatible > 0, "{:?}", reader.statistics());
+    assert_eq!(
+        reader.statistics()[0].fault(),
+        Some(
+            "a publisher of /loop/hopeless offers best effort, expected reliable: set \
+             `ros2.topics.hopeless.qos = \"sensor\"`"
+        )
+    );
     writer.publish(EndpointId(0), sample(Kind::Imu)).unwrap();
     assert!(!reader.wait(BRIEF) && reader.matched(EndpointId(0)) == 0);
 }

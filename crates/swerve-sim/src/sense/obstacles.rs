@@ -39,9 +39,10 @@ pub struct SensorMount {
 }
 
 impl SensorMount {
-    /// Default mount: above the centre of the roof, 1.9 m up, facing forward.
+    /// Default mount: above the centre of the roof, 1.9 m up, or 0.1 m above the roof of a higher car; facing forward.
     pub fn roof(shape: &Shape) -> Self {
-        Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
+        let z_m = if shape.height_m > 1.9 { shape.height_m + 0.1 } else { 1.9 };
+        Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m, yaw_rad: 0.0 }
     }
 
     /// True if it is inside the car's box, where nothing is visible; the faces count as outside.

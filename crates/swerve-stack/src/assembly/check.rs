@@ -7,7 +7,7 @@ use super::Assembly;
 use crate::base::{pipeline_names, sensor_operators};
 use crate::config::injection::{Carries, Corruption, FaultKind};
 use crate::config::{Images, is_plain_name};
-use crate::problems::{KeyProblems, outside, problems_of_ranges, within};
+use crate::problems::{KeyProblems, problem, problems_of_ranges, within};
 use crate::sections::SECTIONS;
 use crate::setup::Setup;
 
@@ -15,8 +15,11 @@ impl Setup {
     /// Problems of single values, by key.
     pub(crate) fn problems_of_values(&self) -> KeyProblems {
         let mut faults = problems_of_ranges(&self.config);
-        let vehicle = self.sim.vehicle.validate();
-        faults.extend(vehicle.err().into_iter().flat_map(|error| within("sim.vehicle", outside(error))));
+        let mut vehicle = problems_of_ranges(&self.sim.vehicle);
+        if vehicle.is_empty() {
+            vehicle.extend(self.sim.vehicle.validate().err().map(problem));
+        }
+        faults.extend(within("sim.vehicle", vehicle));
         self.check_operators(&mut faults);
         faults.extend(self.problems_of_sections());
         self.check_sensors(&mut faults);

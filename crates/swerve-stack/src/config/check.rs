@@ -1,5 +1,6 @@
 //! Problems of values that other tables decide.
 
+use swerve_ros2::Kind;
 use swerve_ros2::env::Network;
 use swerve_ros2::mapping::{Mapping, Role, Vehicle};
 
@@ -98,17 +99,14 @@ impl Config {
 
     pub(crate) fn check_live(&self, told: &mut Vec<(String, String)>) {
         let Some(live) = &self.live else { return };
+        // Problems of the table itself are reported by its own check.
+        let mapping = self.ros2_mapping().ok();
+        told.extend(mapping.iter().flat_map(|mapping| commands_of(mapping, live.enable)));
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
         if live.route.is_empty() {
             tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
         }
-        // Problems of the table itself are reported by its own check.
-        let Ok(mapping) = self.ros2_mapping() else { return };
-        if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
-            let message =
-                "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
-            tell("live.enable", message.into());
-        }
+        let Some(mapping) = mapping else { return };
         if live.clock == LiveClock::Topic && mapping.topic("clock").is_none() {
             let message =
                 "simulated time is read from the topic `clock` of `[ros2.topics]`, which is not enabled";
@@ -128,5 +126,89 @@ impl Config {
                 tell(&format!("{table}.{name}"), message);
             }
         }
+    }
+}
+
+/// Problems of the topic for commands, and of the topics that driving with it needs.
+fn commands_of(mapping: &Mapping, enable: EnableBy) -> Vec<(String, String)> {
+    let (vehicle, name) = (mapping.vehicle, mapping.vehicle.name());
+    let Some(command) = mapping.with_role(Role::Command).next() else {
+        let message = "a vehicle of the table `plain` receives no commands: it can be watched, not driven; a topic \
+                       `[ros2.topics.command]` changes that";
+        let is_asked = vehicle == Vehicle::Plain && enable == EnableBy::AtStart;
+        return is_asked.then(|| ("live.enable".into(), message.into())).into_iter().collect();
+    };
+    let takes: &[Kind] = match vehicle {
+        Vehicle::Autoware | Vehicle::Plain => &[Kind::Control, Kind::AckermannDriveStamped],
+        Vehicle::Carla => &[Kind::CarlaEgoVehicleControl],
+        Vehicle::Dataspeed | Vehicle::Raptor => &[],
+    };
+    let mut told = Vec::new();
+    if !takes.contains(&command.kind) {
+        let takes: Vec<String> = takes.iter().map(|kind| format!("\"{kind}\"")).collect();
+        let message = match takes.is_empty() {
+            true => format!("the vehicle `{name}` is driven by other topics"),
+            false => format!(
+                "expected {} for the vehicle `{name}`, found \"{}\"",
+                takes.join(" or "),
+                command.kind
+            ),
+        };
+        told.push((format!("ros2.topics.{}.type", command.name), message));
+    }
+    let by_topic = (enable == EnableBy::Topic).then_some(Role::Enable);
+    let needs = [Some(Role::Odometry), Some(Role::Steering), by_topic];
+    for role in needs.into_iter().flatten().filter(|_| vehicle == Vehicle::Plain) {
+        if mapping.with_role(role).next().is_none() {
+            let message = format!(
+                "a vehicle of the table `plain` that is to be driven needs the topic `{}`",
+                role.name()
+            );
+            told.push(("ros2.topics".into(), message));
+        }
+    }
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_text::Document;
+
+    use crate::setup::Setup;
+
+    /// Problems of a configuration with this table `[ros2]`.
+    fn problems(live: &str, ros2: &str) -> Vec<String> {
+        let text = format!("live = {{ route = \"r.toml\"{live} }}\n[ros2]\n{ros2}");
+        let document = Document::parse("c.toml", text).unwrap();
+        let found = Setup::from_document(&document, &[]).err().unwrap_or_default();
+        found.iter().map(|problem| format!("{}: {}", problem.key, problem.message)).collect()
+    }
+
+    #[test]
+    fn command_topic_has_a_type_of_its_vehicle() {
+        let ackermann = "[ros2.topics.command]\ntopic = \"/drive\"\ntype = \"ackermann_msgs/msg/AckermannDriveStamped\"\n";
+        let with =
+            |vehicle: &str, more: &str| problems("", &format!("vehicle = \"{vehicle}\"\n{ackermann}{more}"));
+        assert_eq!(with("autoware", ""), Vec::<String>::new());
+        assert_eq!(
+            with("carla", ""),
+            [
+                "ros2.topics.command.type: expected \"carla_msgs/msg/CarlaEgoVehicleControl\" for the vehicle `carla`, \
+                 found \"ackermann_msgs/msg/AckermannDriveStamped\""
+            ]
+        );
+        assert_eq!(
+            with("dataspeed", ""),
+            ["ros2.topics.command.type: the vehicle `dataspeed` is driven by other topics"]
+        );
+        let lacks = |role: &str| {
+            format!(
+                "ros2.topics: a vehicle of the table `plain` that is to be driven needs the topic `{role}`"
+            )
+        };
+        assert_eq!(with("plain", ""), [lacks("steering"), lacks("enable")]);
+        let rest =
+            "[ros2.topics.steering]\ntopic = \"/steering\"\n[ros2.topics.enable]\ntopic = \"/enable\"\n";
+        assert_eq!(with("plain", rest), Vec::<String>::new());
     }
 }

@@ -100,6 +100,27 @@ mod tests {
     }
 
     #[test]
+    fn limits_of_the_vehicle_out_of_range_are_reported_once_and_all_together() {
+        let text = "[sim.vehicle.limits]\nsteering_rate_max_radps = 28.6\nbrake_max_mps2 = -5.0\nsteering_max_rad = 31.5\n\
+                    [gate]\nparams = { stop_decel_mps2 = -1, steering_max_rad = 9 }\n";
+        let keys: Vec<String> =
+            told(text).iter().map(|told| told.split(": ").take(2).collect::<Vec<_>>().join(": ")).collect();
+        assert_eq!(
+            keys,
+            [
+                "c.toml:2: sim.vehicle.limits.steering_rate_max_radps",
+                "c.toml:3: sim.vehicle.limits.brake_max_mps2",
+                "c.toml:4: sim.vehicle.limits.steering_max_rad",
+                "c.toml:6: gate.params.steering_max_rad",
+                "c.toml:6: gate.params.stop_decel_mps2",
+            ]
+        );
+        // The value of a key with a wrong name is not reported by another name.
+        let found = told("[sim.vehicle.limits]\nsteering_max_deg = 31.5\n");
+        assert!(found.len() == 1 && found[0].contains("did you mean `steering_max_rad`?"), "{found:?}");
+    }
+
+    #[test]
     fn gate_and_its_neighbours_stay_in_the_coordinator() {
         for operator in ["report", "switch", "gate", "pedals"] {
             let found = told(&format!("[gate]\nenabled = true\n[process.a]\noperators = [\"{operator}\"]\n"));

@@ -34,7 +34,7 @@ pub struct SensingConfig {
     /// Range of the obstacle sensor for people, m; `range_m` when absent.
     #[schemars(range(min = 0.1, max = 10_000.0))]
     pub range_person_m: Option<f64>,
-    /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up, when absent.
+    /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up or 0.1 m above a higher roof, when absent.
     #[ranges(nested)]
     pub mount: Option<SensorMount>,
     /// Actors of the scenario that no sensor sees: neither the obstacle sensor, also before an emulated detector, nor

@@ -98,7 +98,7 @@ pub struct LidarConfig {
     /// Rotation rate, turns per second; the preset's when absent.
     #[schemars(range(min = 0.01, max = 1000.0))]
     pub rate_hz: Option<f64>,
-    /// Position in the ego frame, m; above the middle of the roof, 1.9 m up, when absent.
+    /// Position in the ego frame, m; above the middle of the roof, 1.9 m up or 0.1 m above a higher roof, when absent.
     pub at_m: Option<[f64; 3]>,
     /// Roll about the forward axis, degrees; positive leans right.
     #[schemars(range(min = -360.0, max = 360.0))]

@@ -17,6 +17,17 @@ fn scenario_and_configuration_are_found_by_name() {
     }
     bench.good(&["replay", "out/person_crossing/log.mcap", "--verify"]);
     bench.good(&["graph", "lane", "-c", "live/autoware"]);
+    let tried =
+        bench.good(&["run", "lane", "-c", "autoware", "--set", "gate.enabled=true", "--out", "tried"]);
+    assert!(tried.contains("COMPLETED") && tried.contains("gate  "), "{tried}");
+    assert!(bench.good(&["check", "configs/live"]).ends_with(" files, no problem\n"));
+    let check = |set: &str| bench.swerve(&["check", "live/autoware", "--set", set]);
+    assert_eq!(check("ego.speed_mps=5").code, Some(0));
+    let fault = check("ego.speed_mps=500");
+    assert!(
+        fault.code == Some(1) && fault.stderr.contains("--set: ego.speed_mps: expected 0 to 70"),
+        "{fault:?}"
+    );
     bench.good(&["timing", "av"]);
     let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--discretisation", "fast"]);
     assert!(solved.contains("rrt_star fast: 2 of 2 solved"), "{solved}");

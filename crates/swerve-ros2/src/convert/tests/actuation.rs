@@ -9,6 +9,13 @@ fn commands_convert_road_wheel_and_steering_wheel_angles() {
     let control = control_to_ros(&command, EPOCH);
     passes(&control);
     assert_eq!(control_from_ros(&control, EPOCH), command);
+    let ackermann = ackermann_to_ros(&command, EPOCH, "base_link");
+    passes(&ackermann);
+    let drive = ackermann.drive;
+    assert_eq!((drive.steering_angle, drive.speed, drive.acceleration), (0.125, 10.0, -1.5));
+    assert_eq!((drive.steering_angle_velocity, drive.jerk), (0.0, 0.0));
+    assert_eq!((ackermann.header.stamp, ackermann.header.frame_id.as_str()), (control.stamp, "base_link"));
+    assert_eq!(ackermann_from_ros(&ackermann, EPOCH), command);
 
     let gear = SteeringGear { ratio: 16.0, wheel_max_deg: 450.0, wheel_rate_degps: 300.0 };
     // PI / 32 times 16: a quarter turn of the steering wheel.
