@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use serde::Serialize;
 use swerve_core::{Span, Time};
 use swerve_flow::{Dispatcher, Event, Observer, Publication};
-use swerve_geom::{Map, Point2, Pose2};
+use swerve_geom::{Map, Pose2};
 use swerve_msg::{
     EgoState, GateMode, GateOutput, MotionCommand, Plan, PlanStatus, Refusals, Route, SensorHealth,
     VehicleReport,
