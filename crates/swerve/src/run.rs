@@ -149,9 +149,6 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         trace.mark_chain(why.steps.iter().map(|s| (s.at_s, s.what.name())), of);
     });
     let recorded = recorded.and(trace.finish()).map_err(anyhow::Error::from);
-    let partial =
-        |error| anyhow::anyhow!("{error:#}\nwhat was recorded until then is in {}", log_part.display());
-    let driven = driven.map_err(partial);
     let outcome = ends.in_order(driven, &recorded, &log_part)?;
     if recorded.is_ok() {
         folder.name_whole()?;
@@ -194,7 +191,8 @@ impl Ends<'_> {
         recorded: &anyhow::Result<()>,
         log: &Path,
     ) -> anyhow::Result<Outcome> {
-        let outcome = driven?;
+        let partial = format!("what was recorded until then is in {}", log.display());
+        let outcome = driven.map_err(|error| anyhow::anyhow!("{error:#}\n{partial}"))?;
         if self.clock == Clock::Wall {
             return Ok(outcome);
         }
@@ -203,7 +201,7 @@ impl Ends<'_> {
         }
         if outcome.report.end == EndReason::Interrupted {
             let at = outcome.report.at.as_secs();
-            anyhow::bail!("interrupted at {at:.2} s; what was recorded until then is in {}", log.display());
+            anyhow::bail!("interrupted at {at:.2} s; {partial}");
         }
         Ok(outcome)
     }
