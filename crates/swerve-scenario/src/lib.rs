@@ -84,6 +84,7 @@
 //! [map]                                               # in place of [road]
 //! file = "crossing.xodr"                              # OpenDRIVE, Lanelet2, CommonRoad or SUMO; from this file's folder
 //! friction = 0.9                                      # ?
+//! all_lights = false                                  # ?; true: signals without phases are lights that are off
 //!
 //! [[map.light]]                                       # ? phases of signals of the map, in place of the file's
 //! controller = "north_south"                          # or signals = ["light_north", "light_south"]

@@ -98,7 +98,8 @@ fn car_brakes_when_no_car_can_follow_the_plan() {
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let metrics = drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap().metrics;
     let planned = &metrics.plans.counts;
-    assert!(planned.brake > 20 && planned.found == 0, "{planned:?}");
+    assert!(planned.refused > 20 && planned.found == 0, "{planned:?}");
+    assert_eq!(metrics.plans.refused, planned.refused);
     assert!(metrics.drive.speed_end_mps.abs() < 0.1 && metrics.impact.is_none(), "{:?}", metrics.drive);
 }
 
