@@ -364,7 +364,7 @@ fn person_engages_and_ctrl_c_stops() {
     println!("{notes}{last}");
     assert_eq!((last["speed"].as_f64(), &last["timeouts"]), (Some(0.0), &timeouts));
     assert_eq!(last["engaged"], Value::Bool(false), "it was released");
-    assert!(notes.contains("holding: the switch was released"), "{notes}");
+    assert!(notes.contains("holding: it was interrupted"), "{notes}");
 }
 
 /// At half of real time and with a pause, the simulator is driven in its own time, in its axes and units.
