@@ -44,7 +44,7 @@ use swerve_core::{Ranges, Span};
 use swerve_perception::detector::Sensing;
 use swerve_pylot::Preset;
 use swerve_ros2::env::Network;
-use swerve_ros2::mapping::Mapping;
+use swerve_ros2::mapping::{Mapping, Role, Vehicle};
 use swerve_sim::sense::SensorTiming;
 use swerve_text::{KeyProblem, overridden};
 use swerve_vehicle::VehicleParams;
@@ -272,9 +272,12 @@ impl Config {
         self.ego.driver == EgoDriver::Ros2
     }
 
-    /// Returns true if the stack only observes a vehicle: an interface that sends no commands.
+    /// Returns true if the stack only observes a vehicle: an interface without a topic for commands.
     fn is_observed(&self) -> bool {
-        self.live.is_some() && self.ros2.get("vehicle").and_then(toml::Value::as_str) == Some("plain")
+        let mapping = self.live.as_ref().and_then(|_| self.ros2_mapping().ok());
+        mapping.is_some_and(|mapping| {
+            mapping.vehicle == Vehicle::Plain && mapping.with_role(Role::Command).next().is_none()
+        })
     }
 
     /// Topics of `[ros2]`, on the network that the environment names where the table does not.

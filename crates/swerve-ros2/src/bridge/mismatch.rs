@@ -129,11 +129,11 @@ mod tests {
         // The settings that are proposed are compatible.
         for qos in [Qos::DEFAULT, Qos::LATCHED, Qos::VEHICLE, Qos::SENSOR] {
             for offered in [other(false, false), other(true, false), other(false, true)] {
-                let told = reader(qos, offered);
-                let proposed = Qos::NAMES.iter().find(|(name, _)| told.contains(&format!("\"{name}\"")));
+                let message = reader(qos, offered);
+                let proposed = Qos::NAMES.iter().find(|(name, _)| message.contains(&format!("\"{name}\"")));
                 let Some((_, proposed)) = proposed else { continue };
-                assert!(offered.reliable || !proposed.reliable, "{told}");
-                assert!(offered.transient_local || !proposed.transient_local, "{told}");
+                assert!(offered.reliable || !proposed.reliable, "{message}");
+                assert!(offered.transient_local || !proposed.transient_local, "{message}");
             }
         }
     }

@@ -143,7 +143,7 @@ fn commands_of(mapping: &Mapping, enable: EnableBy) -> Vec<(String, String)> {
         Vehicle::Carla => &[Kind::CarlaEgoVehicleControl],
         Vehicle::Dataspeed | Vehicle::Raptor => &[],
     };
-    let mut told = Vec::new();
+    let mut problems = Vec::new();
     if !takes.contains(&command.kind) {
         let takes: Vec<String> = takes.iter().map(|kind| format!("\"{kind}\"")).collect();
         let message = match takes.is_empty() {
@@ -154,7 +154,7 @@ fn commands_of(mapping: &Mapping, enable: EnableBy) -> Vec<(String, String)> {
                 command.kind
             ),
         };
-        told.push((format!("ros2.topics.{}.type", command.name), message));
+        problems.push((format!("ros2.topics.{}.type", command.name), message));
     }
     let by_topic = (enable == EnableBy::Topic).then_some(Role::Enable);
     let needs = [Some(Role::Odometry), Some(Role::Steering), by_topic];
@@ -164,10 +164,10 @@ fn commands_of(mapping: &Mapping, enable: EnableBy) -> Vec<(String, String)> {
                 "a vehicle of the table `plain` that is to be driven needs the topic `{}`",
                 role.name()
             );
-            told.push(("ros2.topics".into(), message));
+            problems.push(("ros2.topics".into(), message));
         }
     }
-    told
+    problems
 }
 
 #[cfg(test)]
@@ -210,5 +210,20 @@ mod tests {
         let rest =
             "[ros2.topics.steering]\ntopic = \"/steering\"\n[ros2.topics.enable]\ntopic = \"/enable\"\n";
         assert_eq!(with("plain", rest), Vec::<String>::new());
+    }
+
+    /// The gate compares reports with commands where there are commands.
+    #[test]
+    fn plain_vehicle_with_a_command_topic_has_to_follow_its_commands() {
+        let checked_s = |ros2: &str| {
+            let text = format!("live = {{ route = \"r.toml\" }}\n[ros2]\n{ros2}");
+            let setup = Setup::from_document(&Document::parse("c.toml", text).unwrap(), &[]);
+            setup.unwrap_or_else(|found| panic!("{found}")).gate_params().unwrap().ignored_after_s
+        };
+        assert_eq!((checked_s("vehicle = \"autoware\"\n"), checked_s("vehicle = \"plain\"\n")), (1.0, 0.0));
+        let driven = "vehicle = \"plain\"\n[ros2.topics.command]\ntopic = \"/drive\"\n\
+                      type = \"ackermann_msgs/msg/AckermannDriveStamped\"\n[ros2.topics.steering]\n\
+                      topic = \"/steering\"\n[ros2.topics.enable]\ntopic = \"/enable\"\n";
+        assert_eq!(checked_s(driven), 1.0);
     }
 }

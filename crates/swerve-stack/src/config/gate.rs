@@ -103,8 +103,10 @@ mod tests {
     fn limits_of_the_vehicle_out_of_range_are_reported_once_and_all_together() {
         let text = "[sim.vehicle.limits]\nsteering_rate_max_radps = 28.6\nbrake_max_mps2 = -5.0\nsteering_max_rad = 31.5\n\
                     [gate]\nparams = { stop_decel_mps2 = -1, steering_max_rad = 9 }\n";
-        let keys: Vec<String> =
-            told(text).iter().map(|told| told.split(": ").take(2).collect::<Vec<_>>().join(": ")).collect();
+        let keys: Vec<String> = told(text)
+            .iter()
+            .map(|problem| problem.split(": ").take(2).collect::<Vec<_>>().join(": "))
+            .collect();
         assert_eq!(
             keys,
             [
